@@ -1,0 +1,111 @@
+"""The woven law of Chapter 6 as a continuous function of strain (the default law).
+
+Each yarn family is driven by the strain that uniaxial stress would need,
+
+    e1 = (E11 + nu21 E22) / (1 - nu12 nu21),    e2 = (E22 + nu12 E11) / (1 - nu12 nu21),
+
+so that (6.11) reads dS11 = D1 de1, dS22 = D2 de2. While e1 is at its peak, D1 is the loading modulus
+at E11, integrated exactly along the straight increment; below the peak, stress follows the unloading
+curve (`kernels.unloading`) down and up again. It is the limit of the thesis's update (Box 6-1, law
+`printed`) for small increments wherever both yarns keep loading, and differs from it where that
+one jumps: on reloading past the peak, at the reversal of a yarn, and in a slack yarn.
+
+Shear is a curve of one variable, gamma = 2 E12: a virgin branch g(|gamma - gamma*|) leaves every
+zero of the stress (6.28), its unloading follows the same kind of curve as a yarn's, and where that
+reaches zero, gamma* moves there and the branch of the other sign begins.
+
+State of a point: E11, E22, then peak driving strain, stress and modulus of warp and of weft, then
+gamma* and the signed peak of gamma - gamma* (absent without shear hysteresis).
+"""
+
+from math import sqrt
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..errors import InputError
+from . import Array, kernels
+
+if TYPE_CHECKING:
+    from ..fabrics import Fabric
+
+RAMP = 1e-3
+"""Strain over which a modulus changes after a reversal: the thesis's 0.999 lambda_max (6.3.1)."""
+
+
+class Woven:
+    """The continuous woven law of a fabric, on strains (E11, E22, 2 E12) in warp/weft axes.
+
+    `poisson` names the pair of Poisson's ratios ("measured" or "lowered", Table 7.4);
+    `shear_hysteresis=False` makes shear nonlinear elastic, without any history;
+    `ramp` is the strain over which the modulus changes after a reversal.
+
+    `coupling="reciprocal"` replaces nu21 D1 and nu12 D2 by one off-diagonal modulus
+    nu sqrt(D1 D2), nu^2 = nu12 nu21, with D1 and D2 taken at the committed state: symmetric and
+    positive definite at the start of every increment, first order in the size of the increment.
+
+    Raises InputError for a choice that does not exist.
+    """
+
+    def __init__(
+        self,
+        fabric: "Fabric",
+        poisson: str = "measured",
+        shear_hysteresis: bool = True,
+        coupling: str = "measured",
+        ramp: float = RAMP,
+    ) -> None:
+        if poisson not in fabric.poisson:
+            raise InputError(
+                f"poisson={poisson!r} is not one of {', '.join(fabric.poisson)} for {fabric.name}."
+            )
+        if coupling not in ("measured", "reciprocal"):
+            raise InputError(f"coupling={coupling!r} is neither 'measured' nor 'reciprocal'.")
+        if not (0.0 < ramp < np.inf):
+            raise InputError(f"ramp={ramp!r} must be a positive strain such as {RAMP}.")
+        self.fabric = fabric
+        nu12, nu21 = fabric.poisson[poisson]
+        self.symmetric = False
+        self.shear_hysteresis = shear_hysteresis
+        self.reciprocal = coupling == "reciprocal"
+        self._nu = (nu12, nu21)
+        self._curves = tuple(
+            kernels.pack(c.modulus, c.unloading, c.limit, ramp)
+            for c in (fabric.warp, fabric.weft, fabric.shear)
+        )
+        d1, d2 = fabric.warp.modulus[0], fabric.weft.modulus[0]
+        state = [0.0, 0.0, 0.0, 0.0, d1, 0.0, 0.0, d2]
+        state += [0.0, 0.0] if shear_hysteresis or self.reciprocal else []
+        state += [0.0, 0.0, sqrt(d2 / d1)] if self.reciprocal else []
+        self.initial_state = np.array(state)
+
+    def respond(
+        self, strain: Array, state: Array, out: tuple[Array, Array, Array] | None = None
+    ) -> tuple[Array, Array, Array]:
+        """Stress (n, 3) and tangent (n, 3, 3) in Pa and the new state; see `laws.Law.respond`."""
+        if out is None:
+            n = len(strain)
+            out = np.empty((n, 3)), np.empty((n, 3, 3)), np.empty_like(state)
+        kernels.woven(strain, state, *out, self._curves, *self._nu, self.shear_hysteresis, self.reciprocal)
+        return out
+
+    def beyond_calibration(self, strain: Array) -> str | None:
+        """One sentence if a strain (n, 3) lies beyond the measured range, else None."""
+        return beyond_calibration(self.fabric, strain)
+
+
+def beyond_calibration(fabric: "Fabric", strain: Array) -> str | None:
+    """One sentence that names the largest strain outside a fabric's calibrated range, else None."""
+    largest = np.array([strain[:, 0].max(), strain[:, 1].max(), np.abs(strain[:, 2]).max()])
+    for name, value, curve in zip(
+        ("warp strain E11", "weft strain E22", "shear strain 2 E12"),
+        largest,
+        (fabric.warp, fabric.weft, fabric.shear),
+        strict=True,
+    ):
+        if value > curve.limit:
+            return (
+                f"{fabric.name}: {name} = {value:.3f} is beyond the measured {curve.limit:.3f}; "
+                "from there on the curve is continued by its tangent."
+            )
+    return None
