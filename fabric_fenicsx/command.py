@@ -1,0 +1,79 @@
+"""What every script of this project does at its command line, alone or under mpirun."""
+
+import argparse
+import contextlib
+import io
+import math
+import sys
+import traceback
+import warnings
+from collections.abc import Callable
+
+from mpi4py import MPI
+
+from .errors import InputError, StepFailed
+
+
+def number(text: str) -> float:
+    """A finite number."""
+    value = float(text)
+    if not math.isfinite(value):
+        raise argparse.ArgumentTypeError(f"{text} is not a finite number")
+    return value
+
+
+def positive(text: str) -> int:
+    """A whole number of at least 1."""
+    value = int(text)
+    if value < 1:
+        raise argparse.ArgumentTypeError(f"{text} is not a whole number of at least 1")
+    return value
+
+
+def grid(text: str) -> tuple[int, int]:
+    """Two whole numbers of at least 1, as 9x3."""
+    try:
+        nx, ny = (positive(part) for part in text.lower().split("x"))
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"{text} is not of the form 9x3") from None
+    return nx, ny
+
+
+def parse(parser: argparse.ArgumentParser) -> argparse.Namespace:
+    """The command line; where it is wrong, only rank 0 says so and all ranks leave with status 2."""
+    quiet = MPI.COMM_WORLD.rank != 0
+    with contextlib.ExitStack() as stack:
+        if quiet:
+            stack.enter_context(contextlib.redirect_stderr(io.StringIO()))
+            stack.enter_context(contextlib.redirect_stdout(io.StringIO()))
+        return parser.parse_args()
+
+
+def say(*words: object) -> None:
+    """Print on rank 0."""
+    if MPI.COMM_WORLD.rank == 0:
+        print(*words, flush=True)
+
+
+def run(main: Callable[[], int | None]) -> None:
+    """Call `main` and leave with its status.
+
+    An InputError or StepFailed, which all ranks raise together, is said in one sentence (status 2 and 1).
+    Anything else is a fault of the program: its traceback is shown and all ranks are ended.
+    """
+    warnings.formatwarning = lambda message, *_, **__: f"warning: {message}\n"
+    try:
+        status = main() or 0
+    except (InputError, StepFailed) as error:
+        if MPI.COMM_WORLD.rank == 0:
+            print(f"error: {error}", file=sys.stderr, flush=True)
+        status = 2 if isinstance(error, InputError) else 1
+    except KeyboardInterrupt:
+        status = 130
+    except Exception:
+        traceback.print_exc()
+        if MPI.COMM_WORLD.size > 1:
+            # the other ranks may be waiting for this one
+            MPI.COMM_WORLD.Abort(1)
+        status = 1
+    sys.exit(status)

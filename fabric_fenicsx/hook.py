@@ -1,0 +1,127 @@
+"""The external operator: a law at every quadrature point of a form, and its history.
+
+In a form, `LawHook.stress` stands for the stress of the law at the hook's strain. UFL differentiates
+through it, and the tangent becomes a coefficient of the Jacobian; one call of the law fills both.
+"""
+
+import warnings
+from typing import Any
+
+import basix.ufl
+import numpy as np
+import ufl
+from dolfinx import fem, mesh
+from dolfinx_external_operator import FEMExternalOperator, replace_external_operators
+from ufl.algorithms import expand_derivatives
+from ufl.core.expr import Expr
+from ufl.form import Form
+
+from .laws import Array, Law
+
+
+class History:
+    """Committed and trial state of every point, shape (number of points, state variables)."""
+
+    def __init__(self, initial: Array, points: int) -> None:
+        self.committed = np.tile(initial, (points, 1))
+        self.trial = self.committed.copy()
+
+    def commit(self) -> None:
+        """What was tried has happened."""
+        self.committed, self.trial = self.trial, self.committed
+
+
+class LawHook:
+    """A law at the points of a quadrature rule, as an operand of UFL forms.
+
+    law: see `laws.Law`. strain: UFL vector with as many components as the law takes. degree: of the
+    quadrature rule, at least 1; always given, since an estimated one is far too high.
+
+    Public: `stress`, the operand, to be integrated with the measure `dx` and no other; `history`.
+    Points are those of all local cells, ghosts included: a law needs no communication.
+    """
+
+    def __init__(self, law: Law, strain: Expr, domain: mesh.Mesh, degree: int) -> None:
+        self.law, self.mesh = law, domain
+        element = basix.ufl.quadrature_element(
+            domain.basix_cell(), degree=degree, value_shape=strain.ufl_shape, scheme="default"
+        )
+        space = fem.functionspace(domain, element)
+        metadata = {"quadrature_degree": degree, "quadrature_scheme": "default"}
+        self.dx = ufl.Measure("dx", domain=domain, metadata=metadata)
+        self.stress = FEMExternalOperator(strain, function_space=space, external_function=self, name="stress")
+        self._strain = fem.Expression(strain, space.element.interpolation_points)
+        cells = domain.topology.index_map(domain.topology.dim)
+        self._cells = np.arange(cells.size_local + cells.num_ghosts, dtype=np.int32)
+        self._owned = cells.size_local
+        shape = (len(self._cells), len(space.element.interpolation_points))
+        self.strain = np.zeros((*shape, *strain.ufl_shape))
+        """Strain at the last evaluation, shape (cells, points of a cell, components)."""
+        self.history = History(law.initial_state, shape[0] * shape[1])
+        self._tangents: list[fem.Function] = []
+        self._spare = np.empty((0, 0, 0))
+        self._told = not hasattr(law, "beyond_calibration")
+
+    def adopt(self, operators: list[Any]) -> None:
+        """Take over the coefficients of those operators of a Jacobian that are this hook's tangent."""
+        found = [op for op in operators if op.external_function is self and sum(op.derivatives) == 1]
+        if not found:
+            # ufl drops the material tangent without a word where a derivative was left unexpanded
+            raise RuntimeError(
+                "The Jacobian does not hold the tangent of a law whose stress is in the residual."
+            )
+        self._tangents += [op.ref_coefficient for op in found]
+
+    def evaluate(self) -> bool:
+        """Strain, then stress, tangent and trial state from the committed one; False if one is not finite."""
+        n = self.strain.shape[-1]
+        self._strain.eval(self.mesh, self._cells, self.strain)
+        stress = self.stress.ref_coefficient.x.array.reshape(-1, n)
+        if self._tangents:
+            tangent = self._tangents[0].x.array.reshape(-1, n, n)
+        else:
+            self._spare = np.resize(self._spare, (len(stress), n, n))
+            tangent = self._spare
+        history = self.history
+        self.law.respond(self.strain.reshape(-1, n), history.committed, (stress, tangent, history.trial))
+        for copy in self._tangents[1:]:
+            copy.x.array[:] = self._tangents[0].x.array
+        return bool(np.isfinite(stress.sum()))
+
+    def commit(self) -> None:
+        """Move the past: the trial state of the last evaluation becomes the committed one."""
+        self.history.commit()
+        if not self._told:
+            said = self.law.beyond_calibration(self.strain.reshape(-1, self.strain.shape[-1]))
+            said = next((s for s in self.mesh.comm.allgather(said) if s), None)
+            if said is not None:
+                self._told = True
+                if self.mesh.comm.rank == 0:
+                    warnings.warn(said, stacklevel=2)
+
+    def worst(self) -> tuple[float, str]:
+        """Largest strain (infinite if one is not a number) on this rank, and a sentence on where it is."""
+        size = np.abs(self.strain[: self._owned]).max(axis=2)
+        if not size.size:
+            return -1.0, ""
+        size[~np.isfinite(size)] = np.inf
+        cell, point = np.unravel_index(np.argmax(size), size.shape)
+        number = self.mesh.topology.original_cell_index[cell]
+        middle = mesh.compute_midpoints(self.mesh, self.mesh.topology.dim, np.array([cell], dtype=np.int32))[
+            0
+        ]
+        strain = ", ".join(f"{value:.3g}" for value in self.strain[cell, point])
+        where = ", ".join(f"{x:.4g}" for x in middle[: self.mesh.geometry.dim])
+        return float(size[cell, point]), f"cell {number} at ({where}) m, point {point}: strain ({strain})"
+
+
+def derive(residual: Form, u: fem.Function, hooks: tuple[LawHook, ...]) -> tuple[Form, Form]:
+    """Residual and Jacobian of a residual with hooks, in plain coefficients that the hooks fill."""
+    # expanded first: the second derivative of an unexpanded one loses the material tangent (ufl#449)
+    residual = expand_derivatives(residual)
+    jacobian = ufl.derivative(residual, u)
+    residual, _ = replace_external_operators(residual)
+    jacobian, operators = replace_external_operators(jacobian)
+    for hook in hooks:
+        hook.adopt(operators)
+    return residual, jacobian

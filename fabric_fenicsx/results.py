@@ -1,0 +1,172 @@
+"""What a run leaves behind: histories as CSV, fields for ParaView, pictures."""
+
+import csv
+import ctypes
+import os
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+import numpy as np
+import ufl
+from dolfinx import fem, io, plot
+from mpi4py import MPI
+from ufl.core.expr import Expr
+
+from .errors import InputError
+
+
+def folder(path: str | Path, comm: MPI.Comm = MPI.COMM_WORLD) -> Path:
+    """Make the folder for a run's results; InputError on every rank if it cannot be written."""
+    path, fault = Path(path), None
+    if comm.rank == 0:
+        try:
+            path.mkdir(parents=True, exist_ok=True)
+            probe = path / ".writable"
+            probe.touch()
+            probe.unlink()
+        except OSError as error:
+            fault = f"The output folder {str(path)!r} cannot be written ({error.strerror}); choose another with --out."
+    fault = comm.bcast(fault, root=0)
+    if fault:
+        raise InputError(fault)
+    return path
+
+
+class Table:
+    """A CSV file that grows by one row a step; each row is on disk before the next step starts.
+
+    Names carry units (`force_N`). Every rank may call `row`, rank 0 writes; without a path nobody does.
+    """
+
+    def __init__(self, path: Path | None, comm: MPI.Comm = MPI.COMM_WORLD) -> None:
+        self.rows: list[dict[str, Any]] = []
+        self._file = open(path, "w", newline="") if path and comm.rank == 0 else None  # noqa: SIM115
+        self._writer: csv.DictWriter[str] | None = None
+
+    def row(self, **values: float) -> None:
+        """Append a row; the first one names the columns."""
+        self.rows.append(values)
+        if self._file is None:
+            return
+        if self._writer is None:
+            self._writer = csv.DictWriter(self._file, list(values))
+            self._writer.writeheader()
+        self._writer.writerow({k: f"{v:.10g}" for k, v in values.items()})
+        self._file.flush()
+
+    def column(self, name: str) -> np.ndarray:
+        """All values of a column so far."""
+        return np.array([row[name] for row in self.rows])
+
+    def __enter__(self) -> "Table":
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if self._file is not None:
+            self._file.close()
+
+
+class Fields:
+    """Displacement and cell values over time, as a series (`.bp`) that ParaView opens."""
+
+    def __init__(self, path: Path, u: fem.Function, cell_values: tuple[str, ...] = ()) -> None:
+        self.u = u
+        u.name = "displacement_m"
+        domain = u.function_space.mesh
+        space = fem.functionspace(domain, ("DG", 0))
+        self.cells = {name: fem.Function(space, name=name) for name in cell_values}
+        self._writer = io.VTXWriter(domain.comm, path, [u, *self.cells.values()])
+
+    def write(self, time: float, **cell_values: np.ndarray) -> None:
+        """Write the present displacement, and one value for each local cell (ghosts included)."""
+        for name, values in cell_values.items():
+            self.cells[name].x.array[:] = values
+        self._writer.write(time)
+
+    def close(self) -> None:
+        """Finish the file."""
+        self._writer.close()
+
+
+class Average:
+    """Mean of a UFL scalar over the part of the mesh where the UFL scalar `where` is 1 (else 0)."""
+
+    def __init__(self, values: Expr, where: Expr, dx: ufl.Measure, comm: MPI.Comm) -> None:
+        self._forms, self._comm = [fem.form(values * where * dx), fem.form(where * dx)], comm
+
+    def value(self) -> float:
+        """The mean at present, over all ranks; to be called on every rank."""
+        total, area = (self._comm.allreduce(fem.assemble_scalar(form)) for form in self._forms)
+        return float(total / area)
+
+
+def can_draw() -> str | None:
+    """None if pictures can be drawn off-screen, else the sentence that says what to install."""
+    for library in ("libEGL.so.1", "libOSMesa.so.8"):
+        try:
+            ctypes.CDLL(library)
+        except OSError:
+            continue
+        return None
+    # without either, VTK ends the whole process
+    return (
+        "Pictures are left out, since libEGL.so.1 is missing: on Debian or Ubuntu, "
+        "apt-get install libegl1 libegl-mesa0 libgl1-mesa-dri."
+    )
+
+
+def picture(path: Path, u: fem.Function, cell_values: np.ndarray, label: str, title: str = "") -> None:
+    """Draw the deformed sheet, coloured by one value for each local cell, over its undeformed outline.
+
+    To be called on every rank; rank 0 draws. `label` names the value with its unit.
+    """
+    space = u.function_space
+    domain = space.mesh
+    owned = domain.topology.index_map(domain.topology.dim).size_local
+    topology, kinds, points = plot.vtk_mesh(space, np.arange(owned, dtype=np.int32))
+    moved = np.zeros_like(points)
+    dim = domain.geometry.dim
+    moved[:, :dim] = u.x.array.reshape(-1, dim)
+    parts = domain.comm.gather((topology, kinds, points, moved, cell_values[:owned]), root=0)
+    if domain.comm.rank != 0:
+        return
+    fault = can_draw()
+    if fault:
+        print(fault)
+        return
+    os.environ.setdefault("VTK_DEFAULT_OPENGL_WINDOW", "vtkEGLRenderWindow")
+    import pyvista
+
+    pyvista.OFF_SCREEN = True
+    blocks = []
+    for topology, kinds, points, moved, values in parts:
+        grid = pyvista.UnstructuredGrid(topology, kinds, points)
+        grid["displacement"], grid.cell_data[label] = moved, values
+        blocks.append(grid)
+    grid = blocks[0] if len(blocks) == 1 else pyvista.merge(blocks, merge_points=True)
+    deformed = grid.warp_by_vector("displacement")
+    plotter = pyvista.Plotter(window_size=(1200, 700))
+    plotter.background_color = "white"
+    plotter.add_mesh(
+        grid.extract_feature_edges(feature_edges=False, manifold_edges=False), color="grey", line_width=2
+    )
+    plotter.add_mesh(
+        deformed,
+        scalars=label,
+        cmap="viridis",
+        show_edges=True,
+        edge_color="grey",
+        scalar_bar_args={"title": label, "color": "black", "fmt": "%.3g", "title_font_size": 22},
+    )
+    if title:
+        plotter.add_text(title, color="black", font_size=12)
+    if dim == 2:
+        plotter.view_xy()
+        plotter.camera.zoom(1.5)
+    else:
+        plotter.view_isometric()
+    plotter.screenshot(path)
+    plotter.close()
