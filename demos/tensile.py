@@ -4,14 +4,13 @@ The warp lies at --angle to the load: 0 is the warp test, 90 the weft test, 45 t
 ends may contract, a warp or weft test must give the fitted curve of Table 7.1: that is the checked number.
 """
 
-from mpi4py import MPI  # isort: skip  (first, as in every DOLFINx script: it loads the MPI library)
-
 import argparse
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 import ufl
+from mpi4py import MPI
 from dolfinx import fem
 
 from fabric_fenicsx import command, fabrics, frame, hook, kinematics, meshing, results, statics, weakform

@@ -6,9 +6,9 @@ from pathlib import Path
 
 import gmsh
 import numpy as np
+from mpi4py import MPI
 from dolfinx import mesh as dmesh
 from dolfinx.io import gmsh as gmshio
-from mpi4py import MPI
 
 from .errors import InputError
 

@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 import ufl
-from dolfinx import fem, io, plot
 from mpi4py import MPI
+from dolfinx import fem, io, plot
 from ufl.core.expr import Expr
 
 from .errors import InputError
@@ -148,7 +148,17 @@ def picture(path: Path, u: fem.Function, cell_values: np.ndarray, label: str, ti
         blocks.append(grid)
     grid = blocks[0] if len(blocks) == 1 else pyvista.merge(blocks, merge_points=True)
     deformed = grid.warp_by_vector("displacement")
-    plotter = pyvista.Plotter(window_size=(1200, 700))
+    low, high = deformed.get_data_range(label)
+    if high - low <= 1e-6 * max(abs(low), abs(high)):
+        # a uniform value: without zero in the range, colours would show round-off
+        low, high = min(low, 0.0), max(high, 0.0)
+    ends = np.array([grid.bounds, deformed.bounds]).reshape(2, 3, 2)
+    low_corner, high_corner = ends[..., 0].min(axis=0), ends[..., 1].max(axis=0)
+    width, height = (high_corner - low_corner)[:2]
+    pixel = max(width / 1100, height / 800) if dim == 2 else None
+    above, below = 70, 120  # pixels for the title and the colour bar
+    size = (1200, round(height / pixel) + above + below) if pixel else (1200, 900)
+    plotter = pyvista.Plotter(window_size=size)
     plotter.background_color = "white"
     plotter.add_mesh(
         grid.extract_feature_edges(feature_edges=False, manifold_edges=False), color="grey", line_width=2
@@ -157,15 +167,25 @@ def picture(path: Path, u: fem.Function, cell_values: np.ndarray, label: str, ti
         deformed,
         scalars=label,
         cmap="viridis",
+        clim=(low, high),
         show_edges=True,
         edge_color="grey",
-        scalar_bar_args={"title": label, "color": "black", "fmt": "%.3g", "title_font_size": 22},
+        show_scalar_bar=False,
+        lighting=dim == 3,  # it would darken the colours of a flat sheet
     )
-    if title:
-        plotter.add_text(title, color="black", font_size=12)
-    if dim == 2:
+    bar = {"color": "black", "fmt": "%.3g", "n_labels": 5, "label_font_size": 20}
+    bar |= {"position_x": 0.35, "width": 0.6, "position_y": 15 / size[1], "height": 75 / size[1]}
+    plotter.add_scalar_bar(title=" ", **bar)
+    plotter.add_text(label, position=(40, 25), color="black", font_size=14)
+    plotter.add_text(title, position=(40, size[1] - 45), color="black", font_size=14)
+    plotter.add_text("grey: undeformed", position=(960, size[1] - 40), color="grey", font_size=11)
+    if pixel:
         plotter.view_xy()
-        plotter.camera.zoom(1.5)
+        plotter.enable_parallel_projection()
+        middle = (low_corner + high_corner) / 2 + [0.0, (above - below) / 2 * pixel, 0.0]
+        plotter.camera.focal_point = middle
+        plotter.camera.position = middle + [0.0, 0.0, 1.0]
+        plotter.camera.parallel_scale = size[1] * pixel / 2
     else:
         plotter.view_isometric()
     plotter.screenshot(path)

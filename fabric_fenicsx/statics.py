@@ -7,9 +7,9 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from mpi4py import MPI
 from dolfinx import fem
 from dolfinx.fem import petsc as fempetsc
-from mpi4py import MPI
 from petsc4py import PETSc
 from tqdm import tqdm
 from ufl.form import Form

@@ -15,6 +15,8 @@ import numpy as np
 from . import Array
 
 jit = numba.njit(cache=True, error_model="numpy")
+# left to itself LLVM calls these with all eight numbers of a curve, which doubles the time of a law
+inlined = numba.njit(forceinline=True, error_model="numpy")
 UNLOAD, LIMIT, RATE, INVERSE_RATE = 4, 5, 6, 7
 
 
@@ -31,14 +33,14 @@ def pack(modulus: tuple[float, ...], unloading: float, limit: float, ramp: float
     )
 
 
-@jit
+@inlined
 def modulus(c, strain):
     """Loading modulus D(strain), (6.16)-(6.18)."""
     x = min(max(strain, 0.0), c[LIMIT])
     return c[0] + x * (c[1] + x * (c[2] + x * c[3]))
 
 
-@jit
+@inlined
 def slope(c, strain):
     """dD/dstrain."""
     if strain < 0.0 or strain > c[LIMIT]:
@@ -46,7 +48,7 @@ def slope(c, strain):
     return c[1] + strain * (2.0 * c[2] + strain * 3.0 * c[3])
 
 
-@jit
+@inlined
 def loading_stress(c, strain):
     """Integral of the loading modulus from 0, (6.14) without its constant."""
     x = min(max(strain, 0.0), c[LIMIT])
@@ -54,7 +56,7 @@ def loading_stress(c, strain):
     return inside + modulus(c, strain) * (strain - x)
 
 
-@jit
+@inlined
 def mean_modulus(c, a, b):
     """Mean of D over [a, b], and its derivatives by a and by b."""
     da, db = modulus(c, a), modulus(c, b)
@@ -72,7 +74,7 @@ def mean_modulus(c, a, b):
     return mean, (mean - da) / length, (db - mean) / length
 
 
-@jit
+@inlined
 def unloading(c, peak_stress, peak_modulus, x):
     """Stress and modulus a strain x >= 0 below the peak, and the x at which the stress is zero.
 
@@ -86,7 +88,7 @@ def unloading(c, peak_stress, peak_modulus, x):
     high = max(c[UNLOAD], low)
     # both ramps without a plateau use up the peak stress: rate S = top^2 - (peak^2 + slack^2)/2
     square = rate * peak_stress + 0.5 * (peak_modulus * peak_modulus + slack * slack)
-    top = min(max(sqrt(square), low), high)
+    top = high if square >= high * high else max(sqrt(square), low)
     rise = (top - peak_modulus) * per_rate
     fall = (top - slack) * per_rate
     s_rise = peak_stress - 0.5 * (peak_modulus + top) * rise
@@ -109,7 +111,7 @@ def unloading(c, peak_stress, peak_modulus, x):
     return s_end - slack * (x - fall), slack, zero
 
 
-@jit
+@inlined
 def _yarn(c, e_old, e_new, strain_old, strain_new, peak, peak_stress, peak_modulus):
     """Stress of one yarn family, its derivatives by e and by E, its modulus; new peak, stress, modulus."""
     if not e_new > peak:
@@ -138,7 +140,7 @@ def _yarn(c, e_old, e_new, strain_old, strain_new, peak, peak_stress, peak_modul
     )
 
 
-@jit
+@inlined
 def _shear(c, gamma, origin, signed_peak):
     """Shear stress and modulus; new origin gamma* and signed peak of gamma - gamma*."""
     sign = 1.0 if signed_peak >= 0.0 else -1.0
@@ -198,7 +200,7 @@ def woven(strain, state, stress, tangent, new, curve, nu12, nu21, hysteretic, re
         tangent[i, 2, 0], tangent[i, 2, 1], tangent[i, 2, 2] = 0.0, 0.0, G
 
 
-@jit
+@inlined
 def _printed_modulus(c, strain, largest):
     """Modulus of a yarn and its derivative by strain, (6.16)-(6.21)."""
     if strain < 0.0:

@@ -1,0 +1,26 @@
+# Each job does the set-up it needs first; that takes minutes once, and then about a second.
+python := .venv/bin/python
+
+help:
+	@sed -n 's/^\([a-z]*\):.*## /make \1: /p' Makefile
+
+demo: setup ## the tensile tests of all four fabrics; table, CSV and pictures under out/tensile
+	$(python) demos/tensile.py --fabric all --angle all --out out/tensile
+
+test: lint ## lint, then all tests, then the parallel ones again on 2 ranks
+	$(python) -m pytest
+	.venv/bin/mpirun -n 2 $(python) -m pytest -m parallel
+
+lint: setup ## ruff's rules and format, and the types of the package
+	.venv/bin/ruff check
+	.venv/bin/ruff format --check
+	.venv/bin/mypy
+
+setup: ## .venv and the system libraries, if anything is missing
+	@sh .setup/setup.sh
+
+clean: ## remove .venv and the caches in this folder; results under out/ stay
+	rm -rf .venv build *.egg-info .hypothesis .mypy_cache .pytest_cache .ruff_cache
+	find . -name __pycache__ -prune -exec rm -rf {} +
+
+.PHONY: help demo test lint setup clean

@@ -1,0 +1,19 @@
+"""Woven fabric as a thin shell with measured hysteresis, on FEniCSx (DOLFINx 0.11)."""
+
+from importlib.util import find_spec
+
+__version__ = "0.1.0"
+
+try:
+    if find_spec("dolfinx_solver"):
+        import dolfinx_solver  # noqa: F401  the wheel's DOLFINx finds its MPI only after this
+    import dolfinx
+
+    if not dolfinx.__version__.startswith("0.11."):
+        raise ImportError(f"DOLFINx is version {dolfinx.__version__}")
+except ImportError as error:
+    raise ImportError(
+        f"fabric_fenicsx needs DOLFINx 0.11 ({error}): run 'make setup' in its source folder, or take it "
+        "from the pip extra fabric_fenicsx[wheel], conda-forge's fenics-dolfinx, Debian's python3-dolfinx or "
+        "the dolfinx/dolfinx container."
+    ) from error
