@@ -100,6 +100,8 @@ class Average:
     def value(self) -> float:
         """The mean at present, over all ranks; to be called on every rank."""
         total, area = (self._comm.allreduce(fem.assemble_scalar(form)) for form in self._forms)
+        if area == 0.0:
+            raise InputError("There is nothing to average over: no point of the mesh is in the given part.")
         return float(total / area)
 
 

@@ -14,6 +14,7 @@ from petsc4py import PETSc
 from tqdm import tqdm
 from ufl.form import Form
 
+from .directors import ShellSpace
 from .errors import InputError, StepFailed
 from .hook import LawHook, derive
 
@@ -32,12 +33,14 @@ OPTIONS = {
 class StaticSolver:
     """Equilibrium residual(u) = 0 at the present loads and Dirichlet values.
 
-    residual: UFL form, a sum of the terms of `weakform`, linear in a test function. u: the unknown.
-    bcs: Dirichlet conditions, whose values may change between solves. hooks: every `LawHook` whose
-    stress is in the residual. rtol: a step is solved when the residual at the free unknowns is
-    below rtol times the largest internal or support force so far. options: PETSc options, over `OPTIONS`.
+    residual: UFL form, a sum of the terms of `weakform`, linear in a test function. u: the unknown; for
+    a shell, (u, d) of `space`, whose directors the solver then turns. bcs: Dirichlet conditions on the
+    space of u, whose values may change between solves. hooks: every `LawHook` whose stress is in
+    the residual. rtol: a step is solved when the residual at the free unknowns is below rtol times the
+    largest internal or support force so far, or the last correction below 1e-9 of the displacement.
+    options: PETSc options, over `OPTIONS`.
 
-    The SNES itself is `problem.solver`.
+    The SNES itself is `snes`; the compiled forms are `residual_form` and `jacobian_form`.
     """
 
     def __init__(
@@ -48,72 +51,151 @@ class StaticSolver:
         hooks: Sequence[LawHook] = (),
         rtol: float = 1e-6,
         options: dict[str, object] | None = None,
+        space: ShellSpace | None = None,
     ) -> None:
-        self.u, self.hooks, self.rtol = u, tuple(hooks), rtol
+        self.u, self.hooks, self.rtol, self._shell = u, tuple(hooks), rtol, space
+        self._bcs = list(bcs)
         self._comm = u.function_space.mesh.comm
-        self._accepted = u.x.array.copy()
+        # what the solver solves for: u itself, or displacement and angles of a shell
+        self._y = u if space is None else fem.Function(space.W)
+        self._accepted = self._y.x.array.copy()
         self._scale = self._size = 0.0
+        self._met = True
+        self._fault: Exception | None = None
         self.residuals: list[float] = []
         """Norms of the residual in the last solve, N."""
-        form, jacobian = derive(residual, u, self.hooks)
-        self.problem = fempetsc.NonlinearProblem(
-            form,
-            u,
-            bcs=list(bcs),
-            J=jacobian,
-            petsc_options_prefix=f"statics{next(_prefix)}_",
-            petsc_options=OPTIONS | (options or {}),
-        )
-        self._bcs = list(bcs)
+        form, jacobian = (fem.form(f) for f in derive(residual, u, self.hooks))
+        self.residual_form, self.jacobian_form = form, jacobian
         self._force = fempetsc.create_vector(u.function_space)
-        snes = self.problem.solver
-        snes.setFunction(self._residual, self.problem.b)
-        snes.setConvergenceTest(self._converged)
+        self._x, self._b = (fempetsc.create_vector(self._y.function_space) for _ in range(2))
+        self._K = self._A = fempetsc.create_matrix(jacobian)
+        if space is None:
+            owned = [dofs[:size] for dofs, size in (bc.dof_indices() for bc in bcs)]
+            self._given = np.unique(np.concatenate([np.empty(0, dtype=np.int32), *owned]))
+        else:
+            self._given = space.supports(self._bcs)
+            self._transformation = space.turn(self._y, u)
+            # the pattern of the product is made once, from a matrix that has its entries
+            fempetsc.assemble_matrix(self._K, jacobian)
+            self._K.assemble()
+            self._A = self._K.ptap(self._transformation)
+        self._A.setOption(PETSc.Mat.Option.KEEP_NONZERO_PATTERN, True)
+        dofmap = self._y.function_space.dofmap
+        blocks, components = np.divmod(self._given, dofmap.index_map_bs)
+        rows = dofmap.index_map.local_to_global(blocks.astype(np.int32)) * dofmap.index_map_bs + components
+        self._given_rows = rows.astype(PETSc.IntType)
+        self._targets = self._y.x.array
+
+        self.snes = PETSc.SNES().create(self._comm)
+        self.snes.setFunction(self._residual, self._b)
+        self.snes.setJacobian(self._jacobian, self._A)
+        self.snes.setConvergenceTest(self._converged)
+        prefix = f"statics{next(_prefix)}_"
+        self.snes.setOptionsPrefix(prefix)
+        store = PETSc.Options(prefix)
+        for name, value in (OPTIONS | (options or {})).items():
+            store[name] = value
+        self.snes.setFromOptions()
+
+    def _take(self, x: PETSc.Vec) -> None:
+        """Set the unknowns from x."""
+        x.ghostUpdate(PETSc.InsertMode.INSERT, PETSc.ScatterMode.FORWARD)
+        fempetsc.assign(x, self._y)
+        if self._shell is not None:
+            self._shell.turn(self._y, self.u)
 
     def _assemble_force(self) -> None:
         """Residual at the present u with no condition applied: at supports, the reactions."""
         with self._force.localForm() as local:
             local.set(0.0)
-        fempetsc.assemble_vector(self._force, self.problem.F)
+        fempetsc.assemble_vector(self._force, self.residual_form)
         self._force.ghostUpdate(PETSc.InsertMode.ADD, PETSc.ScatterMode.REVERSE)
 
     def _residual(self, snes: PETSc.SNES, x: PETSc.Vec, b: PETSc.Vec) -> None:
-        x.ghostUpdate(PETSc.InsertMode.INSERT, PETSc.ScatterMode.FORWARD)
-        fempetsc.assign(x, self.u)
-        ok = all([hook.evaluate() for hook in self.hooks])
-        # never raise in here: a point that is not finite must fail the step on every rank
+        # never raise in here: whatever fails, on any rank, must fail the step on every rank
+        try:
+            self._take(x)
+            ok = all([hook.evaluate() for hook in self.hooks])
+        except Exception as error:
+            self._fault, ok = error, False
         if not self._comm.allreduce(ok, MPI.LAND):
             b.set(np.nan)
             return
         self._assemble_force()
-        self._size = self._force.norm(PETSc.NormType.NORM_INFINITY)
-        self._force.copy(b)
-        with b.localForm() as local:
-            # lifting adds to ghosts too, so it goes into a vector of its own
-            local.array_w[self._force.local_size :] = 0.0
-        fempetsc.apply_lifting(b, [self.problem.J], bcs=[self._bcs], x0=[x], alpha=-1.0)
-        b.ghostUpdate(PETSc.InsertMode.ADD, PETSc.ScatterMode.REVERSE)
-        fempetsc.set_bc(b, self._bcs, x0=x, alpha=-1.0)
+        if self._shell is None:
+            self._force.copy(b)
+        else:
+            self._transformation.multTranspose(self._force, b)
+        self._size = b.norm(PETSc.NormType.NORM_INFINITY)
+        gap = x.array_r[self._given] - self._targets[self._given]
+        b.array_w[self._given] = gap
+        met = np.abs(gap).max(initial=0.0) <= 1e-10 * x.norm(PETSc.NormType.NORM_INFINITY)
+        self._met = self._comm.allreduce(bool(met), MPI.LAND)
+
+    def _jacobian(self, snes: PETSc.SNES, x: PETSc.Vec, A: PETSc.Mat, P: PETSc.Mat) -> None:
+        self._K.zeroEntries()
+        fempetsc.assemble_matrix(self._K, self.jacobian_form)
+        self._K.assemble()
+        if self._shell is not None:
+            self._K.ptap(self._transformation, result=A)
+            self._shell.add_curvature(A, self._force)
+        # rows only: `_move_supports` needs the columns
+        A.zeroRows(self._given_rows, 1.0)
+
+    def _move_supports(self) -> int:
+        """Meet the given values by one linear step of the whole sheet, if they are not met; 1 if it was needed.
+
+        Newton then begins in a state that is strained smoothly, and its residual is made of forces alone.
+        """
+        self._residual(self.snes, self._x, self._b)
+        if self._met:
+            return 0
+        self.residuals.append(self._b.norm())
+        self._jacobian(self.snes, self._x, self._A, self._A)
+        self.snes.ksp.setOperators(self._A)
+        correction = self._b.duplicate()
+        self.snes.ksp.solve(self._b, correction)
+        self._x.axpy(-1.0, correction)
+        return 1
 
     def _converged(self, snes: PETSc.SNES, iteration: int, norms: tuple[float, float, float]) -> int | None:
-        norm = norms[2]
-        self.residuals.append(norm)
-        if not np.isfinite(norm):
-            return PETSc.SNES.ConvergedReason.DIVERGED_FNORM_NAN
-        if norm <= self.rtol * max(self._scale, self._size):
+        size, correction, residual = norms
+        self.residuals.append(residual)
+        # given displacements are in the norm in m, where a small one would pass for a small force
+        if self._met and residual <= self.rtol * max(self._scale, self._size):
             return PETSc.SNES.ConvergedReason.CONVERGED_FNORM_RELATIVE
+        # a thin shell is so stiff in its surface that round-off alone can be more force than that
+        if self._met and iteration > 0 and correction <= 1e-9 * size:
+            return PETSc.SNES.ConvergedReason.CONVERGED_SNORM_RELATIVE
         return None
 
     def solve(self) -> int:
         """Solve from the present u; the number of Newton iterations.
 
-        Raises StepFailed on every rank, with u as it was at the last commit, if Newton fails.
+        Raises on every rank, with u as it was at the last commit: StepFailed if Newton fails,
+        RuntimeError if a law raised something.
         """
-        self.residuals = []
-        self.problem.solve()
-        reason = self.problem.solver.getConvergedReason()
+        self.residuals, self._fault = [], None
+        self._targets = self._y.x.array.copy()
+        if self._shell is None:
+            for bc in self._bcs:
+                bc.set(self._targets)
+        else:
+            self._targets = self._shell.targets(self._bcs, self._y)
+        fempetsc.assign(self._y, self._x)
+        moved = self._move_supports()
+        self.snes.solve(None, self._x)
+        self._take(self._x)
+        reason = self.snes.getConvergedReason()
         if reason > 0:
-            return self.problem.solver.getIterationNumber()
+            return moved + self.snes.getIterationNumber()
+        faults = [fault for fault in self._comm.allgather(self._fault and repr(self._fault)) if fault]
+        if faults:
+            self.restore()
+            raise RuntimeError(f"A law must not raise, but one did: {faults[0]}.") from self._fault
+        if reason == PETSc.SNES.ConvergedReason.DIVERGED_FUNCTION_NANORINF:
+            # PETSc has not asked _converged about this one
+            self.residuals.append(np.nan)
         worst = max(self._comm.allgather(max((hook.worst() for hook in self.hooks), default=(0.0, ""))))
         self.restore()
         history = ", ".join(f"{norm:.2e}" for norm in self.residuals)
@@ -128,26 +210,31 @@ class StaticSolver:
             # the last residual need not have been at the accepted u
             hook.evaluate()
             hook.commit()
-        self._accepted = self.u.x.array.copy()
+        if self._shell is not None:
+            self._shell.commit(self._y)
+        self._accepted = self._y.x.array.copy()
         self._scale = max(self._scale, self._size)
 
     def restore(self) -> None:
         """Back to the last commit."""
-        self.u.x.array[:] = self._accepted
+        self._y.x.array[:] = self._accepted
+        if self._shell is not None:
+            self._shell.turn(self._y, self.u)
+        for hook in self.hooks:
+            hook.evaluate()
 
     def reaction(self, dofs: np.ndarray) -> float:
         """Sum of the forces (N) that the supports exert on these local unknowns, over all ranks.
 
-        To be called on every rank, at a solved u.
+        dofs: of one component, as `fem.locate_dofs_topological(V.sub(0), ...)` gives them. To be called
+        on every rank, at a solved u.
         """
         self._assemble_force()
         owned = dofs[dofs < self._force.local_size]
         return float(self._comm.allreduce(self._force.array_r[owned].sum()))
 
 
-reasons = {
-    value: name.lower() for name, value in vars(PETSc.SNES.ConvergedReason).items() if isinstance(value, int)
-}
+reasons = {value: name.lower() for name, value in vars(PETSc.SNES.ConvergedReason).items() if isinstance(value, int)}
 
 
 @dataclass(frozen=True)
@@ -177,12 +264,12 @@ def march(
     """
     if len(loads) == 0:
         raise InputError("A march needs at least one load step.")
+    if not np.isfinite(loads).all():
+        raise InputError("The loads of a march must be finite numbers.")
     fraction, done = 1.0, float(start)
     hidden = progress is None or solver._comm.rank != 0
     calm = 0.2 if sys.stderr.isatty() else 30.0
-    with tqdm(
-        total=len(loads), desc=progress, unit="step", disable=hidden, leave=False, mininterval=calm
-    ) as bar:
+    with tqdm(total=len(loads), desc=progress, unit="step", disable=hidden, leave=False, mininterval=calm) as bar:
         for number, target in enumerate(map(float, loads), 1):
             clock, iterations, cuts, origin, part = time.perf_counter(), 0, 0, done, 0.0
             while part < 1.0:
@@ -193,7 +280,7 @@ def march(
                     iterations += solver.solve()
                 except StepFailed as error:
                     cuts += 1
-                    iterations += len(solver.residuals) - 1
+                    iterations += solver.snes.getIterationNumber()
                     fraction /= 2
                     if fraction < smallest:
                         set_load(done)

@@ -1,25 +1,26 @@
-"""Measured woven fabrics as data: the four of R. W. Williams' 2010 thesis, and anybody's own from a TOML file.
+"""Measured woven fabrics as data: the four of R. W. Williams' 2010 thesis, and a user's own from a TOML file.
 
-`load("blend")` or `load("my_fabric.toml")` returns a `Fabric` in SI units; `names()` lists the fabrics that come with
-the package. A file is refused with one sentence (`InputError`) where it is incomplete or contradicts physics.
-Each built-in file, one beside this one, is also the pattern for a user's own.
+`load("blend")` or `load("my_fabric.toml")` returns a `Fabric` in SI units; `names()` lists the fabrics that
+come with the package. A file that is incomplete or contradicts physics is refused in one sentence (`InputError`).
+The built-in files, beside this one, are the pattern for a user's own.
 
 Where the thesis contradicts itself, these files follow the reading that its own numbers support:
 
 - Table 7.1, denim: D1 is printed as a function of E22; it is of E11.
-- Table 7.2: the densities of muslin and denim are swapped (350, 370); Table 3.3 has 370 and 350 kg/m3, and denim's
-  mass per area over its thickness, 390 g/m2 / 1.12 mm = 348 kg/m3, agrees.
-- Table 7.3: the argument "E12" is the tensor component, so the table is dS12/dE12, and G12 = dS12/d(2 E12) is half of
-  it; the unloading column likewise. With 2 E12 as its argument denim's modulus would turn negative inside the tested
-  range, and half of the constants, which are rounded to 1 MPa, agrees with the initial moduli of Table 7.5 for
-  blend, muslin and denim (duck's 0.82 MPa is just outside its rounding, 0.25 to 0.75). The reading is one key of the
-  file, `shear.strain`: "tensor", or "engineering" where argument and value are 2 E12 and G12 themselves.
-- Poisson's ratios: nu12 is the contraction along weft per stretch along warp, as in (3.3) and (6.11), not as the
-  misprinted (3.4) and (7.3) would have it. "lowered" holds Table 7.4, which the thesis used for duck and muslin.
+- Table 7.2: the densities of muslin and denim are swapped (350, 370); Table 3.3 has 370 and 350 kg/m3, and
+  denim's mass per area over its thickness, 390 g/m2 / 1.12 mm = 348 kg/m3, agrees.
+- Table 7.3: the argument "E12" is the tensor component, so the table is dS12/dE12, and G12 = dS12/d(2 E12) is
+  half of it; the unloading column likewise. With 2 E12 as its argument denim's modulus would turn negative
+  inside the tested range; and half of the constants, which are rounded to 1 MPa, agrees within that rounding
+  with the initial moduli of Table 7.5 for blend, muslin and denim (duck's 0.82 MPa is off: it would have to lie
+  in 0.25 ... 0.75). The reading is one key of the file, `shear.strain`: "tensor", or "engineering" where
+  argument and value are 2 E12 and G12 themselves.
+- Poisson's ratios: nu12 is the contraction along weft per stretch along warp, as in (3.3) and (6.11), not as
+  the misprinted (3.4), (7.3) would have it. "lowered" holds Table 7.4, used there for duck and muslin.
 
-The range in which a curve was measured ends at E = d + d^2/2, (3.2), with d = displacement / gauge length of the test,
-or at the file's `limit_strain`. For shear E is the tensor component E12 of the bias test: the yarns hardly stretch
-there, E11 + E22 = 0, and so the axial strain (E11 + E22)/2 + E12 is E12.
+The calibrated range of a curve ends at E = d + d^2/2, (3.2), with d = displacement / gauge length of its test,
+or at the file's `limit_strain`. For shear, E is the tensor component E12 of the bias test: the yarns hardly
+stretch there, E11 + E22 = 0, so that the axial strain (E11 + E22)/2 + E12 is E12.
 """
 
 from fabric_fenicsx.fabrics.data import Curve, Fabric

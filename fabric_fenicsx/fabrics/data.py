@@ -1,4 +1,4 @@
-"""What a measured fabric is: three stress-strain curves, two pairs of Poisson's ratios, thickness, density, test."""
+"""What a measured fabric is: three stress-strain curves, Poisson's ratios, thickness, density, its tests."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Curve:
-    """One measured curve of second Piola-Kirchhoff stress (Pa) against the Voigt strain E11, E22 or gamma = 2 E12.
+    """A measured curve of 2nd Piola-Kirchhoff stress (Pa) against the Voigt strain E11, E22 or gamma = 2 E12.
 
-    modulus:    four coefficients (Pa), ascending powers: dS/dstrain = sum c_k strain^k for 0 <= strain <= limit
+    modulus:    four coefficients (Pa), ascending powers: dS/dstrain = sum c_k strain^k from 0 to the limit
     unloading:  modulus of unloading and reloading (Pa)
     limit:      largest calibrated strain; from there the stress goes on along its tangent
     """
@@ -28,26 +28,26 @@ class Curve:
     limit: float
 
     def stress(self, strain: ArrayLike) -> NDArray[np.float64]:
-        """Virgin-loading stress (Pa) at strains of any shape: the modulus integrated from zero."""
+        """Stress (Pa) of first loading at strains of any shape: the modulus integrated from zero strain."""
         strain = np.asarray(strain, dtype=float)
         inside = np.clip(strain, 0.0, self.limit)
-        return polynomial.polyval(inside, polynomial.polyint(self.modulus)) + self.tangent(strain) * (
-            strain - inside
-        )
+        fitted = polynomial.polyval(inside, polynomial.polyint(self.modulus))
+        return np.asarray(fitted + self.tangent(strain) * (strain - inside))
 
     def tangent(self, strain: ArrayLike) -> NDArray[np.float64]:
-        """Virgin-loading modulus (Pa) at strains of any shape; beyond the limit that of the limit, below 0 that of 0."""
-        return polynomial.polyval(np.clip(np.asarray(strain, dtype=float), 0.0, self.limit), self.modulus)
+        """Modulus (Pa) of first loading at strains of any shape; constant below zero and beyond the limit."""
+        inside = np.clip(np.asarray(strain, dtype=float), 0.0, self.limit)
+        return np.asarray(polynomial.polyval(inside, self.modulus))
 
 
 @dataclass(frozen=True)
 class Fabric:
-    """One woven fabric, SI units; stresses are over the measured thickness.
+    """One woven fabric in SI units; stresses are over the measured thickness.
 
-    poisson:       (nu12, nu21) under "measured" and "lowered" (the same where the source lowers none); nu12 is the
-                   contraction along weft per stretch along warp
-    displacement:  how far the test of "warp", "weft" and "bias" went (m), on a strip of gauge_length x width (m)
-    sources:       where the numbers come from, per entry of the file
+    poisson:       (nu12, nu21) under "measured" and "lowered" (as measured, where the source lowers none);
+                   nu12 is the contraction along weft per stretch along warp
+    displacement:  how far the tests along "warp", "weft", "bias" went (m), on strips of gauge_length x width (m)
+    sources:       where the numbers come from, by the entries of the file
     """
 
     name: str
@@ -66,29 +66,30 @@ class Fabric:
     sources: dict[str, str]
 
     def plot(self, path: str | PathLike[str] | None = None) -> Figure:
-        """Draw loading, its continuation by the tangent, and unloading of warp, weft and shear; save it if asked.
+        """Draw loading, its continuation by the tangent, and unloading, for warp, weft, shear; save if asked.
 
-        Returns the figure. A path that cannot be written raises OSError, an unknown picture format ValueError.
+        Raises OSError where the path cannot be written, ValueError where its ending is no picture format.
         """
         from matplotlib.figure import Figure
 
-        figure = Figure(figsize=(10.5, 3.6), layout="constrained")
-        panels = (("warp", self.warp, "E_{11}", "S_{11}"), ("weft", self.weft, "E_{22}", "S_{22}"))
-        panels += (("shear", self.shear, r"\gamma = 2 E_{12}", "S_{12}"),)
-        for axes, (title, curve, strain, stress) in zip(figure.subplots(1, 3), panels, strict=True):
+        figure = Figure(figsize=(10.5, 3.8), layout="constrained")
+        curves = {"warp": self.warp, "weft": self.weft, "shear": self.shear}
+        symbols = (("E_{11}", "S_{11}"), ("E_{22}", "S_{22}"), (r"\gamma = 2E_{12}", "S_{12}"))
+        for axes, (title, curve), (strain, stress) in zip(figure.subplots(1, 3), curves.items(), symbols, strict=True):
             measured = np.linspace(0.0, curve.limit, 200)
             beyond = np.array([1.0, 1.25]) * curve.limit
-            peak = float(curve.stress(curve.limit)) / 1e6
-            slack = curve.limit - peak * 1e6 / curve.unloading
+            peak = float(curve.stress(curve.limit))
+            slack = curve.limit - peak / curve.unloading
             axes.plot(measured, curve.stress(measured) / 1e6, "k-", label="loading, measured range")
-            axes.plot(beyond, curve.stress(beyond) / 1e6, "k:", label="continued by its tangent")
-            axes.plot([curve.limit, slack], [peak, 0.0], "--", color="0.35", label="unloading")
-            axes.plot(curve.limit, peak, "ko", markersize=4)
-            axes.set(title=title, xlabel=f"strain ${strain}$", ylabel=f"stress ${stress}$ (MPa)")
+            axes.plot(beyond, curve.stress(beyond) / 1e6, "k:", label="continued along its tangent")
+            axes.plot([curve.limit, slack], [peak / 1e6, 0.0], "--", color="0.4", label="unloading")
+            axes.plot(curve.limit, peak / 1e6, "ko", markersize=4, label="end of the test")
+            axes.set(title=title, xlabel=f"strain ${strain}$ (-)", ylabel=f"stress ${stress}$ (MPa)")
             axes.set(xlim=(0.0, None), ylim=(0.0, None))
+            axes.locator_params(nbins=6)
             axes.grid(color="0.9")
             axes.spines[["top", "right"]].set_visible(False)
-        figure.axes[0].legend(frameon=False, fontsize="small", loc="upper left")
+        figure.legend(*figure.axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=4, frameon=False)
         figure.suptitle(f"{self.name} ({self.label}): {self.material.lower()}, {self.weave.lower()} weave")
         if path is not None:
             figure.savefig(path, dpi=150)

@@ -12,15 +12,13 @@ from math import sqrt
 import numba
 import numpy as np
 
-from . import Array
-
 jit = numba.njit(cache=True, error_model="numpy")
 # left to itself LLVM calls these with all eight numbers of a curve, which doubles the time of a law
 inlined = numba.njit(forceinline=True, error_model="numpy")
 UNLOAD, LIMIT, RATE, INVERSE_RATE = 4, 5, 6, 7
 
 
-def pack(modulus: tuple[float, ...], unloading: float, limit: float, ramp: float) -> Array:
+def pack(modulus: tuple[float, ...], unloading: float, limit: float, ramp: float) -> tuple[float, ...]:
     """The curve as the kernels read it; moduli in Pa, `ramp` the strain over which they change."""
     rate = max(unloading - modulus[0], 1e-6 * modulus[0]) / ramp
     return (

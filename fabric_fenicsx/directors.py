@@ -1,0 +1,230 @@
+"""Unit directors at nodes, turned by two angles each, without a limit (5.43)-(5.55).
+
+A shell's weak form is written in the mid-surface displacement u and the director d, six numbers a node:
+strains are then polynomials. But a director has unit length, so the solver's unknown is the
+displacement and two angles theta, about which d turns from the director d0 of the last commit,
+
+    d = cos|t| d0 + sin|t|/|t| t,    t = theta_1 e1 + theta_2 e2,    (e1, e2, d0) orthonormal,
+
+((5.43) to (5.46), sign of the last term mended). A commit makes d the new d0, so a step may turn by
+anything less than half a turn, and a strip may roll up as often as it likes. Between nodes d is
+interpolated, as in Chapter 5: strains do not change when the whole shell turns.
+"""
+
+import basix.ufl
+import numpy as np
+import ufl
+from dolfinx import fem, la, mesh
+from petsc4py import PETSc
+
+from .errors import InputError
+from .laws import Array
+
+FAMILIES = {"triangle": (("Lagrange", 2), ("CR", 1)), "quadrilateral": (("Lagrange", 1), ("Lagrange", 1))}
+"""Elements of displacement and director: on triangles quadratic, and linear through edge midpoints."""
+
+
+class ShellSpace:
+    """The spaces of a shell on a surface mesh, and its directors.
+
+    V: displacement and director (u, d), in which forms are written. W: displacement and angles
+    (u, theta), in which the solver solves. `normal`: the reference directors, a Function.
+
+    Raises InputError, on every rank, for a mesh that is not a surface in space.
+    """
+
+    def __init__(self, domain: mesh.Mesh) -> None:
+        cell = domain.basix_cell()
+        if domain.topology.dim != 2 or domain.geometry.dim != 3:
+            raise InputError("A shell needs a surface mesh in space: read the mesh with gdim=3.")
+        (u_family, u_degree), (d_family, d_degree) = FAMILIES[cell.name]
+        displacement = basix.ufl.element(u_family, cell, u_degree, shape=(3,))
+        director, angles = (basix.ufl.element(d_family, cell, d_degree, shape=(n,)) for n in (3, 2))
+        self.mesh = domain
+        self.V = fem.functionspace(domain, basix.ufl.mixed_element([displacement, director]))
+        self.W = fem.functionspace(domain, basix.ufl.mixed_element([displacement, angles]))
+
+        # the same cell's unknowns in V and W, one after the other
+        V, W = self.V.dofmap.list, self.W.dofmap.list
+        nodes = V.shape[1] - W.shape[1]
+        split = V.shape[1] - 3 * nodes
+        self._u = np.unique(np.column_stack([V[:, :split].ravel(), W[:, :split].ravel()]), axis=0)
+        in_v, in_w = V[:, split:].reshape(-1, 3), W[:, split:].reshape(-1, 2)
+        _, first = np.unique(in_v[:, 0], return_index=True)
+        self._d, self._theta = in_v[first], in_w[first]
+        """Unknowns of each local node: of its director in V, of its angles in W."""
+        self._owned = self._d[:, 0] < self.V.dofmap.index_map.size_local
+
+        self.normal = fem.Function(self.V.sub(1).collapse()[0], name="normal")
+        self._start = self._normals()
+        self.frame = _frames(self._start)
+        """(e1, e2, d0) of each node at the last commit, shape (nodes, 3, 3), rows the vectors."""
+        self._angles = np.zeros((len(self._d), 2))
+        self._derivative = np.empty((len(self._d), 2, 3))
+        self._map = self._transformation()
+
+    def function(self) -> fem.Function:
+        """A new (u, d) in V at rest: no displacement, the reference directors."""
+        q = fem.Function(self.V)
+        q.x.array[self._d] = self._start
+        return q
+
+    def _normals(self) -> Array:
+        """Unit normals at the director nodes (nodes, 3), the mean over the cells that share one."""
+        space = self.normal.function_space
+        points = space.element.interpolation_points
+        rule = {"quadrature_rule": "custom", "quadrature_points": points, "quadrature_weights": np.ones(len(points))}
+        # at its own node a basis function is 1, and at the others 0
+        n = ufl.inner(ufl.CellNormal(self.mesh), ufl.TestFunction(space))
+        sums = fem.assemble_vector(fem.form(n * ufl.dx(metadata=rule | {"quadrature_degree": 1})))
+        sums.scatter_reverse(la.InsertMode.add)
+        sums.scatter_forward()
+        self.normal.x.array[:] = _unit(sums.array.reshape(-1, 3)).ravel()
+        q = fem.Function(self.V)
+        q.sub(1).interpolate(self.normal)
+        q.x.scatter_forward()
+        return _unit(q.x.array[self._d])
+
+    def _transformation(self) -> PETSc.Mat:
+        """The matrix d(u, d)/d(u, theta), V rows by W columns; `turn` fills in the directors' part."""
+        matrix = PETSc.Mat().create(self.mesh.comm)
+        maps = [space.dofmap.index_map for space in (self.V, self.W)]
+        matrix.setSizes([[m.size_local, m.size_global] for m in maps])
+        matrix.setType(PETSc.Mat.Type.AIJ)
+        matrix.setPreallocationNNZ((2, 0))
+        indices = [m.local_to_global(np.arange(m.size_local + m.num_ghosts, dtype=np.int32)) for m in maps]
+        matrix.setLGMap(*(PETSc.LGMap().create(i.astype(PETSc.IntType), comm=self.mesh.comm) for i in indices))
+        owned = self._u[self._u[:, 0] < maps[0].size_local].astype(PETSc.IntType)
+        matrix.setValuesLocalRCV(owned[:, :1], owned[:, 1:], np.ones((len(owned), 1)))
+        rows = self._d[self._owned].reshape(-1, 1).astype(PETSc.IntType)
+        self._rows, self._columns = rows, np.repeat(self._theta[self._owned], 3, axis=0).astype(PETSc.IntType)
+        matrix.setValuesLocalRCV(self._rows, self._columns, np.zeros(self._columns.shape))
+        matrix.assemble()
+        return matrix
+
+    # -- what a solver asks for --------------------------------------------------------------------------
+
+    def turn(self, y: fem.Function, q: fem.Function) -> PETSc.Mat:
+        """Set q = (u, d) from y = (u, theta), and return dq/dy; ghosts of y are up to date."""
+        q.x.array[self._u[:, 0]] = y.x.array[self._u[:, 1]]
+        self._angles = y.x.array[self._theta]
+        d, self._derivative = _turned(self.frame, self._angles)
+        q.x.array[self._d] = d
+        values = self._derivative[self._owned].transpose(0, 2, 1).reshape(-1, 2)
+        self._map.setValuesLocalRCV(self._rows, self._columns, np.ascontiguousarray(values))
+        self._map.assemble()
+        return self._map
+
+    def add_curvature(self, matrix: PETSc.Mat, force: PETSc.Vec) -> None:
+        """Add r . d2d/dtheta2, what the director's own curvature contributes to a Jacobian in W.
+
+        force: residual in V, at the last `turn`.
+        """
+        r = force.array_r[self._d[self._owned]]
+        second = _second(self.frame[self._owned], self._angles[self._owned], r)
+        nodes = self.W.dofmap.index_map.local_to_global(self._theta[self._owned].astype(np.int32).ravel())
+        nodes = nodes.astype(PETSc.IntType).reshape(-1, 2)
+        for a in range(2):
+            rows = np.repeat(nodes[:, a : a + 1], 2, axis=0)
+            matrix.setValuesRCV(rows, nodes.reshape(-1, 1), second[:, a].reshape(-1, 1), addv=True)
+        matrix.assemble()
+
+    def commit(self, y: fem.Function) -> None:
+        """Make the turned directors the new start; the angles of y become zero."""
+        self.frame = _carried(self.frame, _turned(self.frame, self._angles)[0])
+        y.x.array[self._theta] = 0.0
+
+    def supports(self, bcs: list[fem.DirichletBC]) -> np.ndarray:
+        """The owned unknowns of W that these conditions on V give; `targets` tells their values.
+
+        All three components of a director given: it is held, or led, as a whole. One component given:
+        the director turns in the plane across that axis only (a plane of symmetry). Called once,
+        before the first step: it lays the frames along those axes.
+
+        Raises InputError where one component is given and the director is not in that plane.
+        """
+        given = np.zeros(len(self.function().x.array), dtype=bool)
+        for bc in bcs:
+            given[bc.dof_indices()[0]] = True
+        which = given[self._d]
+        count = which.sum(axis=1)
+        single = np.flatnonzero(count == 1)
+        axes = np.eye(3)[which[single].argmax(axis=1)]
+        if (np.abs((axes * self.frame[single, 2]).sum(axis=1)) > 1e-3).any():
+            raise InputError("A director is held in a plane (one component given) that it does not lie in.")
+        d0 = _unit(self.frame[single, 2] - (axes * self.frame[single, 2]).sum(axis=1)[:, None] * axes)
+        self.frame[single] = np.stack([axes, np.cross(d0, axes), d0], axis=1)
+        size = self.W.dofmap.index_map.size_local
+        moved = self._u[given[self._u[:, 0]], 1]
+        fixed = np.concatenate([moved, self._theta[count >= 2].ravel(), self._theta[count == 1, 0]])
+        self._led = np.flatnonzero(count >= 2)
+        return np.unique(fixed[fixed < size]).astype(np.int32)
+
+    def targets(self, bcs: list[fem.DirichletBC], y: fem.Function) -> Array:
+        """Values in W that meet the present values of the conditions; zero elsewhere."""
+        values = np.zeros(len(self.function().x.array))
+        for bc in bcs:
+            bc.set(values)
+        result = np.zeros_like(y.x.array)
+        result[self._u[:, 1]] = values[self._u[:, 0]]
+        frame, d = self.frame[self._led], _unit(values[self._d[self._led]])
+        along = np.einsum("nij,nj->ni", frame, d)
+        sine = np.linalg.norm(along[:, :2], axis=1)
+        angle = np.arctan2(sine, along[:, 2])
+        scale = np.divide(angle, sine, out=np.ones_like(sine), where=sine > 0)
+        result[self._theta[self._led]] = along[:, :2] * scale[:, None]
+        return result
+
+
+def _unit(vectors: Array) -> Array:
+    return vectors / np.linalg.norm(vectors, axis=1, keepdims=True)
+
+
+def _frames(d: Array) -> Array:
+    """An orthonormal (e1, e2, d) for each unit vector, e1 across the axis that d is farthest from."""
+    axis = np.eye(3)[np.abs(d).argmin(axis=1)]
+    e1 = _unit(np.cross(axis, d))
+    return np.stack([e1, np.cross(d, e1), d], axis=1)
+
+
+def _series(angle: Array) -> tuple[Array, Array, Array, Array]:
+    """cos, sin(x)/x, k = (cos - sin/x)/x^2 and (dk/dx)/x, by series where x is small."""
+    c, s = np.cos(angle), np.sinc(angle / np.pi)
+    square = angle * angle
+    small = angle < 1e-2
+    safe = np.where(small, 1.0, square)
+    k = np.where(small, -1 / 3 + square / 30 - square**2 / 840, (c - s) / safe)
+    slope = np.where(small, 1 / 15 - square / 210, (-s - 3 * k) / safe)
+    return c, s, k, slope
+
+
+def _turned(frame: Array, theta: Array) -> tuple[Array, Array]:
+    """Directors (n, 3) and their derivatives by the two angles (n, 2, 3)."""
+    c, s, k, _ = _series(np.linalg.norm(theta, axis=1))
+    e, d0 = frame[:, :2], frame[:, 2]
+    t = np.einsum("na,naj->nj", theta, e)
+    d = c[:, None] * d0 + s[:, None] * t
+    along = -s[:, None] * d0 + k[:, None] * t
+    return d, s[:, None, None] * e + theta[:, :, None] * along[:, None, :]
+
+
+def _second(frame: Array, theta: Array, r: Array) -> Array:
+    """r . d2d/dtheta_a dtheta_b, shape (n, 2, 2)."""
+    _, s, k, slope = _series(np.linalg.norm(theta, axis=1))
+    on_e, on_d = np.einsum("naj,nj->na", frame[:, :2], r), np.einsum("nj,nj->n", frame[:, 2], r)
+    on_t = (theta * on_e).sum(axis=1)
+    square = theta[:, :, None] * theta[:, None, :]
+    mixed = theta[:, :, None] * on_e[:, None, :]
+    result = (k * on_t - s * on_d)[:, None, None] * np.eye(2)
+    result += (slope * on_t - k * on_d)[:, None, None] * square
+    return result + k[:, None, None] * (mixed + mixed.transpose(0, 2, 1))
+
+
+def _carried(frame: Array, d: Array) -> Array:
+    """Frames carried along the shortest turn from their d0 to d."""
+    e1, d0, d = frame[:, 0], frame[:, 2], _unit(d)
+    # e1 - (e1.d) / (1 + d0.d) (d0 + d) is the image of e1 under that turn
+    part = (e1 * d).sum(axis=1) / (1 + (d0 * d).sum(axis=1))
+    e1 = e1 - part[:, None] * (d0 + d)
+    e1 = _unit(e1 - (e1 * d).sum(axis=1)[:, None] * d)
+    return np.stack([e1, np.cross(d, e1), d], axis=1)
