@@ -9,17 +9,16 @@ second derivatives x_,ab, which are constant in a cell. So E less its interpolat
 six products, each times a fixed polynomial in xi: plain UFL, no tying point to visit.
 """
 
+from collections.abc import Sequence
+
 import basix.ufl
 import numpy as np
 import ufl
 from dolfinx import fem, mesh
 from ufl.core.expr import Expr
 
-from . import kinematics
-from .directors import ShellSpace
-
-DEGREE = 2
-"""Of the quadrature rule on which all strains of a shell are taken: 3 points on a triangle."""
+from . import frame, kinematics
+from .directors import DEGREE, ShellSpace
 
 _PAIRS = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
 """Products of the second derivatives x_,11, x_,22, x_,12."""
@@ -62,7 +61,7 @@ def regge_remainder() -> np.ndarray:
 def membrane_remainder(domain: mesh.Mesh, u: Expr, axes: tuple[Expr, Expr]) -> Expr:
     """What to subtract from the membrane strain (E11, E22, 2 E12) of a quadratic u on triangles.
 
-    axes: warp and weft, UFL unit vectors in the surface. To be used on the rule of `DEGREE` only.
+    axes: warp and weft, UFL unit vectors in the surface. To be used on the rule of `directors.DEGREE` only.
     """
     J, K = ufl.Jacobian(domain), ufl.JacobianInverse(domain)
 
@@ -107,14 +106,17 @@ def membrane_remainder(domain: mesh.Mesh, u: Expr, axes: tuple[Expr, Expr]) -> E
     )
 
 
-def shell_strain(space: ShellSpace, q: fem.Function, axes: tuple[Expr, Expr], membrane: str = "regge") -> Expr:
-    """Strain and curvature (E11, E22, 2 E12, K11, K22, 2 K12) of (u, d) = q, the operand of a `laws.section`.
+def shell_strains(space: ShellSpace, q: fem.Function, warp: Sequence[float] | Expr) -> tuple[Expr, Expr]:
+    """The strains of (u, d) = q as the element of `space` assumes them, in warp/weft axes.
 
-    axes: warp and weft. membrane: "regge", or "plain" for the strain of the displacement itself.
+    First strain and curvature (E11, E22, 2 E12, K11, K22, 2 K12), the operand of a `laws.section`, to be
+    integrated with `space.dx`; then the transverse shear (2 E13, 2 E23), with `space.dx_shear`.
+    warp: see `frame.surface_axes`.
     """
     u, d = ufl.split(q)
-    strain = kinematics.plane_strain_vector(u, axes)
-    if membrane == "regge":
-        strain -= membrane_remainder(space.mesh, u, axes)
+    axes = frame.surface_axes(space.mesh, warp, DEGREE)
+    membrane = kinematics.plane_strain_vector(u, axes)
+    if space.element == "regge":
+        membrane -= membrane_remainder(space.mesh, u, axes)
     bending = kinematics.bending_strain(u, d, space.normal, axes)
-    return ufl.as_vector([*strain, *bending])
+    return ufl.as_vector([*membrane, *bending]), kinematics.shear_strain(u, d, space.normal, axes)

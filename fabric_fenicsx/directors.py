@@ -20,8 +20,18 @@ from petsc4py import PETSc
 from .errors import InputError
 from .laws import Array
 
-FAMILIES = {"triangle": (("Lagrange", 2), ("CR", 1)), "quadrilateral": (("Lagrange", 1), ("Lagrange", 1))}
-"""Elements of displacement and director: on triangles quadratic, and linear through edge midpoints."""
+ELEMENTS = {
+    "regge": ("triangle", ("Lagrange", 2), ("CR", 1), 2),
+    "p2cr1": ("triangle", ("Lagrange", 2), ("CR", 1), 2),
+}
+"""Name -> cell, element of the displacement, element of the director, degree of the rule for shear.
+
+"regge" is the default on triangles, quadratic in displacement, with directors at the middles of the edges;
+"p2cr1" is the same with the strain of the displacement itself, which locks.
+"""
+
+DEGREE = 2
+"""Of the quadrature rule on which strains and law of a shell are taken."""
 
 
 class ShellSpace:
@@ -30,14 +40,25 @@ class ShellSpace:
     V: displacement and director (u, d), in which forms are written. W: displacement and angles
     (u, theta), in which the solver solves. `normal`: the reference directors, a Function.
 
-    Raises InputError, on every rank, for a mesh that is not a surface in space.
+    element: a name in `ELEMENTS`, by default the first for the cells of the mesh. dx, dx_shear: measures of
+    its strains and of its transverse shear.
+
+    Raises InputError, on every rank, for a mesh that is not a surface in space, or another cell.
     """
 
-    def __init__(self, domain: mesh.Mesh) -> None:
+    def __init__(self, domain: mesh.Mesh, element: str | None = None) -> None:
         cell = domain.basix_cell()
         if domain.topology.dim != 2 or domain.geometry.dim != 3:
             raise InputError("A shell needs a surface mesh in space: read the mesh with gdim=3.")
-        (u_family, u_degree), (d_family, d_degree) = FAMILIES[cell.name]
+        fitting = [name for name, (needed, *_) in ELEMENTS.items() if needed == cell.name]
+        self.element = element or fitting[0]
+        if self.element not in fitting:
+            raise InputError(f"Element {element!r} is not one for {cell.name}s, which are: {', '.join(fitting)}.")
+        _, (u_family, u_degree), (d_family, d_degree), shear_degree = ELEMENTS[self.element]
+        self.dx, self.dx_shear = (
+            ufl.Measure("dx", domain, metadata={"quadrature_degree": degree, "quadrature_scheme": "default"})
+            for degree in (DEGREE, shear_degree)
+        )
         displacement = basix.ufl.element(u_family, cell, u_degree, shape=(3,))
         director, angles = (basix.ufl.element(d_family, cell, d_degree, shape=(n,)) for n in (3, 2))
         self.mesh = domain
