@@ -1,0 +1,129 @@
+"""One material point of a fabric, without a mesh: its cycles, what its numbers cost, what it gives back.
+
+Draws uniaxial cycles along warp, weft and in bias with the printed and the continuous law, and prints
+
+- what the ramp of the modulus after a reversal costs: stress of a cycle against a ramp of 1e-5;
+- how much work closed strain loops give back. The measured coupling has no potential, so that round
+  a loop in the plane of E11 and E22 a fabric can do work; with the reciprocal coupling it has one
+  as long as both yarns keep their modulus.
+
+The checked number: uniaxial stress along warp and weft is the fitted curve of Table 7.1.
+"""
+
+import argparse
+from pathlib import Path
+
+import numpy as np
+from mpi4py import MPI
+
+from fabric_fenicsx import command, fabrics, results
+from fabric_fenicsx.laws import driver
+from fabric_fenicsx.laws.printed import Printed
+from fabric_fenicsx.laws.woven import RAMP, Woven
+
+
+def cycle(limit, steps):
+    """Strains up to a limit, down to zero, and a little beyond the limit again."""
+    return np.concatenate([np.linspace(*ends, steps + 1)[1:] for ends in ((0, limit), (limit, 0), (0, 1.1 * limit))])
+
+
+def ramp_error(fabric, ramp, steps=400):
+    """Largest difference of the warp stress of a cycle with this ramp and one of 1e-5, over the peak."""
+    strain = np.zeros((3 * steps, 3))
+    strain[:, 0] = cycle(fabric.warp.limit, steps)
+    strain[:, 1] = -fabric.poisson["measured"][0] * strain[:, 0]
+    fine, wide = (driver.run(Woven(fabric, ramp=w), strain).stress[:, 0] for w in (1e-5, ramp))
+    return np.abs(fine - wide).max() / fine.max()
+
+
+def returned(law, loops=2000, parts=200, seed=0):
+    """Most work that one of many random elliptic loops in (E11, E22) gives back, and its share of the work done.
+
+    Each loop is gone round three times; the third counts, when its points are no longer virgin.
+    J/m3, and the ratio to the integral of |S : dE| round the same loop.
+    """
+    rng = np.random.default_rng(seed)
+    limit = np.array([law.fabric.warp.limit, law.fabric.weft.limit])
+    centre = rng.uniform(0.1, 0.9, (loops, 2)) * limit
+    half = rng.uniform(0.01, 0.5, (loops, 2)) * limit
+    turn, phase = rng.choice([-1, 1], loops), rng.uniform(0, 2 * np.pi, loops)
+    state = np.tile(law.initial_state, (loops, 1))
+    last = stress = np.zeros((loops, 3))
+    work, effort = np.zeros(loops), np.zeros(loops)
+    for k in range(3 * parts + 1):
+        angle = phase + turn * 2 * np.pi * k / parts
+        strain = np.column_stack([centre + half * np.column_stack([np.cos(angle), np.sin(angle)]), np.zeros(loops)])
+        new, _, state = law.respond(strain, state)
+        if k > 2 * parts:
+            step = 0.5 * ((new + stress) * (strain - last)).sum(axis=1)
+            work, effort = work + step, effort + np.abs(step)
+        last, stress = strain, new
+    worst = np.argmin(work / effort)
+    return -work[worst], -work[worst] / effort[worst]
+
+
+def plot(path, fabric, steps=40):
+    """Uniaxial cycles of both laws, three panels."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(12, 4), layout="constrained")
+    for axes, (title, angle, limit) in zip(
+        figure.subplots(1, 3),
+        (("warp", 0.0, fabric.warp.limit), ("weft", 90.0, fabric.weft.limit), ("bias", 45.0, 0.2)),
+        strict=True,
+    ):
+        for law, style in ((Printed(fabric), "x"), (Woven(fabric), "-")):
+            strains = np.radians(angle)
+            try:
+                path_of = driver.uniaxial(law, cycle(limit, steps)[: 2 * steps], angle=strains)
+            except Exception as error:
+                axes.plot([], [], style, color="C3", label=f"{type(law).__name__}: stopped")
+                command.say(f"  {type(law).__name__} law, {title}: {str(error)[:110]}")
+                continue
+            color = "C3" if style == "x" else "C0"
+            axes.plot(path_of.strain[:, 0], path_of.stress[:, 0] / 1e6, style, color=color, label=type(law).__name__)
+        axes.set(title=f"{fabric.name}, uniaxial stress, {title}", xlabel="axial Green-Lagrange strain")
+        axes.set(ylabel="axial stress S, MPa")
+        axes.grid(alpha=0.3)
+        axes.legend()
+    figure.savefig(path, dpi=150)
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--fabric", default="all", help=f"{', '.join(fabrics.names())}, a TOML file, or all (default)")
+    parser.add_argument("--out", type=Path, default=Path("out/material_point"))
+    args = command.parse(parser)
+    out, comm = results.folder(args.out), MPI.COMM_WORLD
+    right = True
+    with results.Table(out / "material_point.csv", comm) as table:
+        command.say(f"{'':24s}{'ramp error, % of peak':>33s}{'loops give back, measured':>28s}{'reciprocal':>19s}")
+        command.say(
+            f"{'fabric':24s}{RAMP:11g}{2 * RAMP:11g}{5 * RAMP:11g}"
+            + f"{'kJ/m3':>18s}{'share':>10s}"
+            + f"{'kJ/m3':>10s}{'share':>9s}"
+        )
+        for name in fabrics.names() if args.fabric == "all" else [args.fabric]:
+            fabric = fabrics.load(name)
+            errors = [ramp_error(fabric, k * RAMP) for k in (1, 2, 5)]
+            given = {kind: returned(Woven(fabric, coupling=kind)) for kind in ("measured", "reciprocal")}
+            command.say(
+                f"{fabric.name:24s}" + "".join(f"{100 * e:11.2f}" for e in errors)
+                + f"{given['measured'][0] / 1e3:18.2f}{given['measured'][1]:10.2f}"
+                + f"{given['reciprocal'][0] / 1e3:10.2f}{given['reciprocal'][1]:9.2f}"
+            )  # fmt: skip
+            row = {f"ramp_{k * RAMP:g}_error": e for k, e in zip((1, 2, 5), errors, strict=True)}
+            for kind, (work, share) in given.items():
+                row |= {f"{kind}_returned_J_per_m3": work, f"{kind}_share": share}
+            table.row(**row)
+            for yarn, curve in ((0, fabric.warp), (1, fabric.weft)):
+                uniaxial = driver.uniaxial(Woven(fabric), np.array([0.3, 1.0]) * curve.limit, direction=yarn)
+                right &= bool(np.allclose(uniaxial.stress[:, yarn], curve.stress(uniaxial.strain[:, yarn]), rtol=1e-9))
+            if comm.rank == 0:
+                plot(out / f"{Path(name).stem}.png", fabric)
+    command.say(f"check: uniaxial stress is the fitted curve: {'yes' if right else 'NO'}; see {out}")
+    return 0 if right else 1
+
+
+if __name__ == "__main__":
+    command.run(main)
