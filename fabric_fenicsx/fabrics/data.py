@@ -83,7 +83,7 @@ class Fabric:
             axes.plot(measured, curve.stress(measured) / 1e6, "k-", label="loading, measured range")
             axes.plot(beyond, curve.stress(beyond) / 1e6, "k:", label="continued along its tangent")
             axes.plot([curve.limit, slack], [peak / 1e6, 0.0], "--", color="0.4", label="unloading")
-            axes.plot(curve.limit, peak / 1e6, "ko", markersize=4, label="end of the test")
+            axes.plot(curve.limit, peak / 1e6, "ko", markersize=4, label="calibrated limit")
             axes.set(title=title, xlabel=f"strain ${strain}$ (-)", ylabel=f"stress ${stress}$ (MPa)")
             axes.set(xlim=(0.0, None), ylim=(0.0, None))
             axes.locator_params(nbins=6)

@@ -69,7 +69,7 @@ class _Table:
         known = f"{required} {optional}".split()
         for key in (key for key in self.entries if key not in known):
             near = get_close_matches(key, known, n=1)
-            hint = f"did you mean {self.prefix}{near[0]}" if near else f"known here are {', '.join(known)}"
+            hint = f"perhaps {self.prefix}{near[0]} is meant" if near else f"known here are {', '.join(known)}"
             self.refuse(key, "is not a known key", hint)
         for key in required.split():
             if key not in self.entries:
@@ -89,7 +89,8 @@ class _Table:
     def number(self, key: str, value: Any) -> float:
         """`value`, which is the entry `key` or a member of it; 1e15 is as good as infinite."""
         if isinstance(value, bool) or not isinstance(value, int | float):
-            self.refuse(key, f"holds {reprlib.repr(value)}, not a number", "write numbers, without quotes")
+            which = "is" if value is self.entries[key] else f"holds {reprlib.repr(value)},"
+            self.refuse(key, f"{which} not a number", "write numbers, without quotes")
         if not abs(value) < 1e15:  # or NaN
             self.refuse(key, "is not a finite number below 1e15", "give measured values")
         return float(value)
