@@ -106,6 +106,82 @@ def membrane_remainder(domain: mesh.Mesh, u: Expr, axes: tuple[Expr, Expr]) -> E
     )
 
 
+def quadrilateral_strains(space: ShellSpace, u: Expr, d: Expr, axes: tuple[Expr, Expr]) -> tuple[Expr, Expr]:
+    """As `shell_strains`, assumed strains of a bilinear u and d on quadrilaterals with straight edges.
+
+    Membrane strain from its tangential components at the middles of the edges and E_12 in the middle;
+    shear from its tangential components at the middles of the edges. To be used on the rule of
+    `directors.DEGREE` only.
+    """
+    domain, n = space.mesh, space.normal
+    J, K = ufl.Jacobian(domain), ufl.JacobianInverse(domain)
+    r, s = _reference_points(domain) - ufl.as_vector([0.5, 0.5])
+    C, alpha, beta = _warping(domain)
+
+    def atoms(f: Expr) -> tuple[Expr, Expr, Expr]:
+        """f,1 and f,2 at the point, and f,12."""
+        gradient = ufl.grad(f)
+        mixed = ufl.dot(ufl.dot(ufl.grad(gradient), J[:, 1]), J[:, 0]) + ufl.dot(gradient, C)
+        return ufl.dot(gradient, J[:, 0]), ufl.dot(gradient, J[:, 1]), mixed
+
+    def strains(x1: Expr, x2: Expr, c: Expr, d: Expr, derivatives: tuple[Expr, Expr, Expr]) -> list[Expr]:
+        """E11, E22, 2 E12, K11, K22, 2 K12, 2 E13, 2 E23, covariant, but for a constant."""
+        d1, d2, d12 = derivatives
+        a, b = x1 - s * c, x2 - r * c
+        e = c - alpha * a - beta * b
+        ce = ufl.dot(c, e)
+        return [
+            (ufl.dot(x1, x1) - (s * s - 0.25) * ce) / 2,
+            (ufl.dot(x2, x2) - (r * r - 0.25) * ce) / 2,
+            ufl.dot(x1, x2) - (r * (ufl.dot(a, e) - alpha * ce / 4) + s * (ufl.dot(b, e) - beta * ce / 4) if REDUCED else 0) - r * s * ce,
+            ufl.dot(x1, d1),
+            ufl.dot(x2, d2),
+            ufl.dot(x1, d2) + ufl.dot(x2, d1),
+            ufl.dot(x1, d - r * d1) - (s * s - 0.25) * ufl.dot(c, d2 - r * d12),
+            ufl.dot(x2, d - s * d2) - (r * r - 0.25) * ufl.dot(c, d1 - s * d12),
+        ]
+
+    X1, X2 = J[:, 0], J[:, 1]
+    u1, u2, u12 = atoms(u)
+    moved = strains(X1 + u1, X2 + u2, C + u12, d, atoms(d))
+    start = strains(X1, X2, C, n, atoms(n))
+    E11, E22, E12, K11, K22, K12, G1, G2 = (a - b for a, b in zip(moved, start, strict=True))
+    p, q = ((ufl.dot(K[0, :], axis), ufl.dot(K[1, :], axis)) for axis in axes)
+
+    def along(e11: Expr, e22: Expr, e12: Expr) -> list[Expr]:
+        return [
+            e11 * p[0] * p[0] + e22 * p[1] * p[1] + e12 * p[0] * p[1],
+            e11 * q[0] * q[0] + e22 * q[1] * q[1] + e12 * q[0] * q[1],
+            2 * e11 * p[0] * q[0] + 2 * e22 * p[1] * q[1] + e12 * (p[0] * q[1] + p[1] * q[0]),
+        ]
+
+    shear = ufl.as_vector([G1 * p[0] + G2 * p[1], G1 * q[0] + G2 * q[1]])
+    return ufl.as_vector([*along(E11, E22, E12), *along(K11, K22, K12)]), shear
+
+
+REDUCED = True
+
+
+def _reference_points(domain: mesh.Mesh) -> fem.Function:
+    element = basix.ufl.quadrature_element(domain.basix_cell(), degree=DEGREE, value_shape=(2,))
+    xi = fem.Function(fem.functionspace(domain, element), name="xi")
+    points = xi.function_space.element.interpolation_points
+    xi.x.array[:] = np.tile(points.ravel(), len(xi.x.array) // points.size)
+    return xi
+
+
+def _warping(domain: mesh.Mesh) -> tuple[Expr, Expr, Expr]:
+    """X,12 of each bilinear cell, and its contravariant components at the middle."""
+    X = domain.geometry.x[domain.geometry.dofmaps[0]]
+    A, B = ((X[:, 3] - X[:, 0] + sign * (X[:, 1] - X[:, 2])) / 2 for sign in (1, -1))
+    C = X[:, 0] - X[:, 1] - X[:, 2] + X[:, 3]
+    frame = np.stack([A, B], axis=2)
+    parts = np.linalg.pinv(frame) @ C[:, :, None]
+    data = fem.Function(fem.functionspace(domain, ("DG", 0, (5,))), name="warping")
+    data.x.array[:] = np.concatenate([C, parts[:, :, 0]], axis=1).ravel()
+    return ufl.as_vector([data[0], data[1], data[2]]), data[3], data[4]
+
+
 def shell_strains(space: ShellSpace, q: fem.Function, warp: Sequence[float] | Expr) -> tuple[Expr, Expr]:
     """The strains of (u, d) = q as the element of `space` assumes them, in warp/weft axes.
 
@@ -115,8 +191,12 @@ def shell_strains(space: ShellSpace, q: fem.Function, warp: Sequence[float] | Ex
     """
     u, d = ufl.split(q)
     axes = frame.surface_axes(space.mesh, warp, DEGREE)
+    if space.element == "mitc4":
+        return quadrilateral_strains(space, u, d, axes)
     membrane = kinematics.plane_strain_vector(u, axes)
     if space.element == "regge":
         membrane -= membrane_remainder(space.mesh, u, axes)
     bending = kinematics.bending_strain(u, d, space.normal, axes)
+    if space.shear_degree != DEGREE:
+        axes = frame.surface_axes(space.mesh, warp, space.shear_degree)
     return ufl.as_vector([*membrane, *bending]), kinematics.shear_strain(u, d, space.normal, axes)

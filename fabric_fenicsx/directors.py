@@ -23,11 +23,16 @@ from .laws import Array
 ELEMENTS = {
     "regge": ("triangle", ("Lagrange", 2), ("CR", 1), 2),
     "p2cr1": ("triangle", ("Lagrange", 2), ("CR", 1), 2),
+    "mitc4": ("quadrilateral", ("Lagrange", 1), ("Lagrange", 1), 2),
+    "q1": ("quadrilateral", ("Lagrange", 1), ("Lagrange", 1), 1),
 }
 """Name -> cell, element of the displacement, element of the director, degree of the rule for shear.
 
 "regge" is the default on triangles, quadratic in displacement, with directors at the middles of the edges;
-"p2cr1" is the same with the strain of the displacement itself, which locks.
+"p2cr1" is the same with the strain of the displacement itself, which locks. "mitc4" is the default on
+quadrilaterals, bilinear, with assumed shear and membrane strains (see `assumed_strain`); "q1", the
+thesis's element, takes the strains of the displacement, transverse shear at one point: it locks on skewed
+meshes.
 """
 
 DEGREE = 2
@@ -54,10 +59,10 @@ class ShellSpace:
         self.element = element or fitting[0]
         if self.element not in fitting:
             raise InputError(f"Element {element!r} is not one for {cell.name}s, which are: {', '.join(fitting)}.")
-        _, (u_family, u_degree), (d_family, d_degree), shear_degree = ELEMENTS[self.element]
+        _, (u_family, u_degree), (d_family, d_degree), self.shear_degree = ELEMENTS[self.element]
         self.dx, self.dx_shear = (
             ufl.Measure("dx", domain, metadata={"quadrature_degree": degree, "quadrature_scheme": "default"})
-            for degree in (DEGREE, shear_degree)
+            for degree in (DEGREE, self.shear_degree)
         )
         displacement = basix.ufl.element(u_family, cell, u_degree, shape=(3,))
         director, angles = (basix.ufl.element(d_family, cell, d_degree, shape=(n,)) for n in (3, 2))
@@ -159,26 +164,32 @@ class ShellSpace:
         """The owned unknowns of W that these conditions on V give; `targets` tells their values.
 
         All three components of a director given: it is held, or led, as a whole. One component given:
-        the director turns in the plane across that axis only (a plane of symmetry). Called once,
-        before the first step: it lays the frames along those axes.
+        the director turns in the plane across that axis only (a plane of symmetry); two: in neither plane
+        (a corner). Called once, before the first step: it lays the frames along those axes, and the
+        reference directors into those planes, which a mesh meets only nearly.
 
-        Raises InputError where one component is given and the director is not in that plane.
+        Raises InputError where one component is given and the director is far from that plane.
         """
         given = np.zeros(len(self.function().x.array), dtype=bool)
         for bc in bcs:
             given[bc.dof_indices()[0]] = True
         which = given[self._d]
         count = which.sum(axis=1)
-        single = np.flatnonzero(count == 1)
-        axes = np.eye(3)[which[single].argmax(axis=1)]
-        if (np.abs((axes * self.frame[single, 2]).sum(axis=1)) > 1e-3).any():
+        partly = np.flatnonzero((count == 1) | (count == 2))
+        d = self.frame[partly, 2]
+        if (np.abs(d[which[partly]]) > 0.3).any():
             raise InputError("A director is held in a plane (one component given) that it does not lie in.")
-        d0 = _unit(self.frame[single, 2] - (axes * self.frame[single, 2]).sum(axis=1)[:, None] * axes)
-        self.frame[single] = np.stack([axes, np.cross(d0, axes), d0], axis=1)
+        axes = np.eye(3)[which[partly].argmax(axis=1)]
+        d0 = _unit(np.where(which[partly], 0.0, d))
+        self.frame[partly] = np.stack([axes, np.cross(d0, axes), d0], axis=1)
+        # strains are measured from `normal`: it must be the directors' start, else the shell is stressed at rest
+        self._start[partly] = d0
+        self.normal.x.array[:] = self.function().sub(1).collapse().x.array
         size = self.W.dofmap.index_map.size_local
         moved = self._u[given[self._u[:, 0]], 1]
         fixed = np.concatenate([moved, self._theta[count >= 2].ravel(), self._theta[count == 1, 0]])
         self._led = np.flatnonzero(count >= 2)
+        self._led_given = which[self._led]
         return np.unique(fixed[fixed < size]).astype(np.int32)
 
     def targets(self, bcs: list[fem.DirichletBC], y: fem.Function) -> Array:
@@ -188,7 +199,9 @@ class ShellSpace:
             bc.set(values)
         result = np.zeros_like(y.x.array)
         result[self._u[:, 1]] = values[self._u[:, 0]]
-        frame, d = self.frame[self._led], _unit(values[self._d[self._led]])
+        frame = self.frame[self._led]
+        # two components given: the third is the director's own (a corner of two planes of symmetry)
+        d = _unit(np.where(self._led_given, values[self._d[self._led]], frame[:, 2]))
         along = np.einsum("nij,nj->ni", frame, d)
         sine = np.linalg.norm(along[:, :2], axis=1)
         angle = np.arctan2(sine, along[:, 2])

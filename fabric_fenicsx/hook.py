@@ -117,9 +117,7 @@ class LawHook:
         size[~(np.isfinite(size) & np.isfinite(stress).all(axis=2))] = np.inf
         cell, point = np.unravel_index(np.argmax(size), size.shape)
         number = self.mesh.topology.original_cell_index[cell]
-        middle = mesh.compute_midpoints(self.mesh, self.mesh.topology.dim, np.array([cell], dtype=np.int32))[
-            0
-        ]
+        middle = mesh.compute_midpoints(self.mesh, self.mesh.topology.dim, np.array([cell], dtype=np.int32))[0]
         strain = ", ".join(f"{value:.3g}" for value in self.strain[cell, point])
         where = ", ".join(f"{x:.4g}" for x in middle[: self.mesh.geometry.dim])
         return float(size[cell, point]), f"cell {number} at ({where}) m, point {point}: strain ({strain})"

@@ -162,16 +162,17 @@ def picture(path: Path, u: fem.Function, cell_values: np.ndarray, label: str, ti
     size = (1200, round(height / pixel) + above + below) if pixel else (1200, 900)
     plotter = pyvista.Plotter(window_size=size)
     plotter.background_color = "white"
-    plotter.add_mesh(
-        grid.extract_feature_edges(feature_edges=False, manifold_edges=False), color="grey", line_width=2
-    )
+    outline = grid.extract_feature_edges(feature_edges=False, manifold_edges=False)
+    if dim == 2:
+        outline.translate((0.0, 0.0, 0.01 * max(width, height)), inplace=True)  # nothing may hide it
+    plotter.add_mesh(outline, color="black", line_width=2)
     plotter.add_mesh(
         deformed,
         scalars=label,
         cmap="viridis",
         clim=(low, high),
         show_edges=True,
-        edge_color="grey",
+        edge_color="white",
         show_scalar_bar=False,
         lighting=dim == 3,  # it would darken the colours of a flat sheet
     )
@@ -180,13 +181,13 @@ def picture(path: Path, u: fem.Function, cell_values: np.ndarray, label: str, ti
     plotter.add_scalar_bar(title=" ", **bar)
     plotter.add_text(label, position=(40, 25), color="black", font_size=14)
     plotter.add_text(title, position=(40, size[1] - 45), color="black", font_size=14)
-    plotter.add_text("grey: undeformed", position=(960, size[1] - 40), color="grey", font_size=11)
+    plotter.add_text("black line: undeformed", position=(900, size[1] - 40), color="black", font_size=11)
     if pixel:
         plotter.view_xy()
         plotter.enable_parallel_projection()
         middle = (low_corner + high_corner) / 2 + [0.0, (above - below) / 2 * pixel, 0.0]
         plotter.camera.focal_point = middle
-        plotter.camera.position = middle + [0.0, 0.0, 1.0]
+        plotter.camera.position = middle + [0.0, 0.0, max(width, height)]
         plotter.camera.parallel_scale = size[1] * pixel / 2
     else:
         plotter.view_isometric()

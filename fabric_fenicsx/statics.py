@@ -1,21 +1,19 @@
-"""Newton's method by PETSc SNES for one load step, and the march through many."""
+"""Newton's method by PETSc SNES for one load step; `march` and `continuation` go through many."""
 
 import itertools
-import sys
-import time
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
 
 import numpy as np
 from mpi4py import MPI
 from dolfinx import fem
 from dolfinx.fem import petsc as fempetsc
 from petsc4py import PETSc
-from tqdm import tqdm
 from ufl.form import Form
 
+from .continuation import Step as Step
+from .continuation import march as march
 from .directors import ShellSpace
-from .errors import InputError, StepFailed
+from .errors import StepFailed
 from .hook import LawHook, derive
 
 _prefix = itertools.count()
@@ -55,7 +53,7 @@ class StaticSolver:
     ) -> None:
         self.u, self.hooks, self.rtol, self._shell = u, tuple(hooks), rtol, space
         self._bcs = list(bcs)
-        self._comm = u.function_space.mesh.comm
+        self.comm = u.function_space.mesh.comm
         # what the solver solves for: u itself, or displacement and angles of a shell
         self._y = u if space is None else fem.Function(space.W)
         self._accepted = self._y.x.array.copy()
@@ -68,6 +66,9 @@ class StaticSolver:
         self.residual_form, self.jacobian_form = form, jacobian
         self._force = fempetsc.create_vector(u.function_space)
         self._x, self._b = (fempetsc.create_vector(self._y.function_space) for _ in range(2))
+        every = np.arange(self._x.local_size) if space is None else np.array(space.W.sub(0).collapse()[1])
+        self.displacements = every[every < self._x.local_size]
+        """Owned unknowns that are displacements: of a shell, all but the angles."""
         self._K = self._A = fempetsc.create_matrix(jacobian)
         if space is None:
             owned = [dofs[:size] for dofs, size in (bc.dof_indices() for bc in bcs)]
@@ -86,16 +87,18 @@ class StaticSolver:
         self._given_rows = rows.astype(PETSc.IntType)
         self._targets = self._y.x.array
 
-        self.snes = PETSc.SNES().create(self._comm)
+        self.snes = PETSc.SNES().create(self.comm)
         self.snes.setFunction(self._residual, self._b)
         self.snes.setJacobian(self._jacobian, self._A)
-        self.snes.setConvergenceTest(self._converged)
+        self.snes.setConvergenceTest(self.converged)
         prefix = f"statics{next(_prefix)}_"
         self.snes.setOptionsPrefix(prefix)
         store = PETSc.Options(prefix)
         for name, value in (OPTIONS | (options or {})).items():
             store[name] = value
         self.snes.setFromOptions()
+        # a step that ends in NaN would pass for converged where the correction before it was small
+        self.snes.setTolerances(stol=0.0)
 
     def _take(self, x: PETSc.Vec) -> None:
         """Set the unknowns from x."""
@@ -118,9 +121,13 @@ class StaticSolver:
             ok = all([hook.evaluate() for hook in self.hooks])
         except Exception as error:
             self._fault, ok = error, False
-        if not self._comm.allreduce(ok, MPI.LAND):
+        if self.comm.allreduce(ok, MPI.LAND):
+            self.assemble(x, b)
+        else:
             b.set(np.nan)
-            return
+
+    def assemble(self, x: PETSc.Vec, b: PETSc.Vec) -> None:
+        """Residual b (N) at the last x and its stresses, under the present loads; gaps (m) at given unknowns."""
         self._assemble_force()
         if self._shell is None:
             self._force.copy(b)
@@ -130,7 +137,7 @@ class StaticSolver:
         gap = x.array_r[self._given] - self._targets[self._given]
         b.array_w[self._given] = gap
         met = np.abs(gap).max(initial=0.0) <= 1e-10 * x.norm(PETSc.NormType.NORM_INFINITY)
-        self._met = self._comm.allreduce(bool(met), MPI.LAND)
+        self._met = self.comm.allreduce(bool(met), MPI.LAND)
 
     def _jacobian(self, snes: PETSc.SNES, x: PETSc.Vec, A: PETSc.Mat, P: PETSc.Mat) -> None:
         self._K.zeroEntries()
@@ -139,7 +146,7 @@ class StaticSolver:
         if self._shell is not None:
             self._K.ptap(self._transformation, result=A)
             self._shell.add_curvature(A, self._force)
-        # rows only: `_move_supports` needs the columns
+        # rows only: given values that move need the columns
         A.zeroRows(self._given_rows, 1.0)
 
     def _move_supports(self) -> int:
@@ -147,18 +154,46 @@ class StaticSolver:
 
         Newton then begins in a state that is strained smoothly, and its residual is made of forces alone.
         """
-        self._residual(self.snes, self._x, self._b)
+        b = self.residual(self._x)
         if self._met:
             return 0
-        self.residuals.append(self._b.norm())
-        self._jacobian(self.snes, self._x, self._A, self._A)
-        self.snes.ksp.setOperators(self._A)
-        correction = self._b.duplicate()
-        self.snes.ksp.solve(self._b, correction)
+        self.residuals.append(b.norm())
+        correction = b.duplicate()
+        self.factorised().solve(b, correction)
         self._x.axpy(-1.0, correction)
         return 1
 
-    def _converged(self, snes: PETSc.SNES, iteration: int, norms: tuple[float, float, float]) -> int | None:
+    # -- the parts of Newton's method, also for one of another kind (`continuation`) -----------------------
+
+    def begin(self) -> PETSc.Vec:
+        """Forget the last solve; the unknowns at the present u."""
+        self.residuals, self._fault = [], None
+        self.aim()
+        fempetsc.assign(self._y, self._x)
+        return self._x
+
+    def aim(self) -> None:
+        """Take over the present Dirichlet values; angles are those from the last commit on."""
+        if self._shell is None:
+            self._targets = self._y.x.array.copy()
+            for bc in self._bcs:
+                bc.set(self._targets)
+        else:
+            self._targets = self._shell.targets(self._bcs, self._y)
+
+    def residual(self, x: PETSc.Vec) -> PETSc.Vec:
+        """Residual at x under the present loads, valid until the next; NaN, on every rank, if a law failed."""
+        self._residual(self.snes, x, self._b)
+        return self._b
+
+    def factorised(self) -> PETSc.KSP:
+        """What solves with the Jacobian at the last residual."""
+        self._jacobian(self.snes, self._x, self._A, self._A)
+        self.snes.ksp.setOperators(self._A)
+        return self.snes.ksp
+
+    def converged(self, snes: PETSc.SNES, iteration: int, norms: tuple[float, float, float]) -> int | None:
+        """SNES's test, with the norms of unknowns, last correction and residual."""
         size, correction, residual = norms
         self.residuals.append(residual)
         # given displacements are in the norm in m, where a small one would pass for a small force
@@ -175,32 +210,29 @@ class StaticSolver:
         Raises on every rank, with u as it was at the last commit: StepFailed if Newton fails,
         RuntimeError if a law raised something.
         """
-        self.residuals, self._fault = [], None
-        self._targets = self._y.x.array.copy()
-        if self._shell is None:
-            for bc in self._bcs:
-                bc.set(self._targets)
-        else:
-            self._targets = self._shell.targets(self._bcs, self._y)
-        fempetsc.assign(self._y, self._x)
+        self.begin()
         moved = self._move_supports()
         self.snes.solve(None, self._x)
         self._take(self._x)
         reason = self.snes.getConvergedReason()
         if reason > 0:
             return moved + self.snes.getIterationNumber()
-        faults = [fault for fault in self._comm.allgather(self._fault and repr(self._fault)) if fault]
+        if reason == PETSc.SNES.ConvergedReason.DIVERGED_FUNCTION_NANORINF:
+            # PETSc has not asked `converged` about this one
+            self.residuals.append(np.nan)
+        raise self.failure(reasons.get(reason, str(reason)))
+
+    def failure(self, reason: str) -> StepFailed:
+        """What to raise when Newton's method has failed; restores. RuntimeError, on every rank, if a law raised."""
+        faults = [fault for fault in self.comm.allgather(self._fault and repr(self._fault)) if fault]
         if faults:
             self.restore()
             raise RuntimeError(f"A law must not raise, but one did: {faults[0]}.") from self._fault
-        if reason == PETSc.SNES.ConvergedReason.DIVERGED_FUNCTION_NANORINF:
-            # PETSc has not asked _converged about this one
-            self.residuals.append(np.nan)
-        worst = max(self._comm.allgather(max((hook.worst() for hook in self.hooks), default=(0.0, ""))))
+        worst = max(self.comm.allgather(max((hook.worst() for hook in self.hooks), default=(0.0, ""))))
         self.restore()
         history = ", ".join(f"{norm:.2e}" for norm in self.residuals)
-        raise StepFailed(
-            f"Newton's method failed ({reasons.get(reason, reason)}); residuals in N: {history}"
+        return StepFailed(
+            f"Newton's method failed ({reason}); residuals in N: {history}"
             + (f"; largest strain in {worst[1]}" if worst[1] else "")
         )
 
@@ -231,67 +263,7 @@ class StaticSolver:
         """
         self._assemble_force()
         owned = dofs[dofs < self._force.local_size]
-        return float(self._comm.allreduce(self._force.array_r[owned].sum()))
+        return float(self.comm.allreduce(self._force.array_r[owned].sum()))
 
 
 reasons = {value: name.lower() for name, value in vars(PETSc.SNES.ConvergedReason).items() if isinstance(value, int)}
-
-
-@dataclass(frozen=True)
-class Step:
-    """What it took to reach one load."""
-
-    number: int
-    load: float
-    newton_iterations: int
-    step_cuts: int
-    wall_s: float
-
-
-def march(
-    solver: StaticSolver,
-    set_load: Callable[[float], None],
-    loads: Sequence[float],
-    start: float = 0.0,
-    smallest: float = 1 / 64,
-    progress: str | None = None,
-) -> Iterator[Step]:
-    """Solve and commit at each of `loads` in turn, from `start` on; yields a Step after each.
-
-    `set_load(load)` puts a load into the scene. A step that fails is restored and halved, and grows
-    again once it works; parts below `smallest` of a step raise StepFailed, on every rank, with the last
-    good state in place. `progress` names the bar that rank 0 shows. Stop early by leaving the loop.
-    """
-    if len(loads) == 0:
-        raise InputError("A march needs at least one load step.")
-    if not np.isfinite(loads).all():
-        raise InputError("The loads of a march must be finite numbers.")
-    fraction, done = 1.0, float(start)
-    hidden = progress is None or solver._comm.rank != 0
-    calm = 0.2 if sys.stderr.isatty() else 30.0
-    with tqdm(total=len(loads), desc=progress, unit="step", disable=hidden, leave=False, mininterval=calm) as bar:
-        for number, target in enumerate(map(float, loads), 1):
-            clock, iterations, cuts, origin, part = time.perf_counter(), 0, 0, done, 0.0
-            while part < 1.0:
-                trial = min(1.0, part + fraction)
-                load = target if trial == 1.0 else origin + trial * (target - origin)
-                set_load(load)
-                try:
-                    iterations += solver.solve()
-                except StepFailed as error:
-                    cuts += 1
-                    iterations += solver.snes.getIterationNumber()
-                    fraction /= 2
-                    if fraction < smallest:
-                        set_load(done)
-                        raise StepFailed(
-                            f"Step {number} stopped at load {done:.6g} on its way to {target:.6g}, after "
-                            f"{cuts} cuts of the step: {error}. Smaller steps or a smoother load may help."
-                        ) from None
-                    continue
-                solver.commit()
-                part, done = trial, load
-                fraction = min(1.0, 2 * fraction)
-            bar.set_postfix(load=f"{done:.4g}", newton=iterations, cuts=cuts, refresh=False)
-            bar.update()
-            yield Step(number, done, iterations, cuts, time.perf_counter() - clock)

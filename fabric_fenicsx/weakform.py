@@ -1,4 +1,11 @@
-"""The terms of the weak form: small functions that return UFL. A new effect is one more `+`."""
+"""The terms of the weak form: small functions that return UFL. A new effect is one more `+`.
+
+Each is a virtual work in J, linear in a test function. The residual is `internal` less the work of the
+loads: `internal(...) - gravity(...) - pressure(...)`. For a shell, with q and test in the space (u, d),
+loads take the displacement's part of the test function, v, of `v, delta = ufl.split(test)`; an edge moment
+takes the director's. Give every measure its quadrature degree (`supports.over` does): an estimated one
+is far too high.
+"""
 
 import numpy as np
 import ufl
@@ -12,9 +19,7 @@ def elastic_stress(domain: mesh.Mesh, stiffness: np.ndarray, strain: Expr) -> Ex
     return ufl.dot(fem.Constant(domain, stiffness), strain)
 
 
-def internal(
-    stress: Expr, strain: Expr, u: fem.Function, v: Expr, thickness: Expr | float, dx: ufl.Measure
-) -> Form:
+def internal(stress: Expr, strain: Expr, u: fem.Function, v: Expr, thickness: Expr | float, dx: ufl.Measure) -> Form:
     """Virtual work of the stress, int S . dE h dA in J (5.60); `thickness` h in m.
 
     v: test function of the space of `u`.
@@ -23,13 +28,53 @@ def internal(
 
 
 def body_force(force: Expr, v: Expr, thickness: Expr | float, dx: ufl.Measure) -> Form:
-    """Virtual work of a dead force per volume, in N/m3, on the displacement v; subtract it."""
+    """Virtual work of a dead force per reference volume, in N/m3, on the displacement v; subtract it."""
     return thickness * ufl.inner(force, v) * dx
 
 
+def gravity(areal_mass: Expr | float, acceleration: Expr, v: Expr, dx: ufl.Measure) -> Form:
+    """Virtual work of the weight: areal mass in kg/m2, acceleration a vector in m/s2; subtract it."""
+    return areal_mass * ufl.inner(acceleration, v) * dx
+
+
+def surface_traction(force: Expr, v: Expr, dx: ufl.Measure) -> Form:
+    """Virtual work of a dead force per reference area, in N/m2, on the displacement v; subtract it."""
+    return ufl.inner(force, v) * dx
+
+
 def traction(force: Expr, v: Expr, ds: ufl.Measure) -> Form:
-    """Virtual work of a dead force per length of edge, in N/m, on the displacement v; subtract it."""
+    """Virtual work of a dead force per reference length of edge, in N/m, on the displacement v; subtract it."""
     return ufl.inner(force, v) * ds
+
+
+def point_force(force: Expr, v: Expr, dP: ufl.Measure) -> Form:
+    """Virtual work of a dead force in N at each point of dP, a measure over vertices; subtract it."""
+    return ufl.inner(force, v) * dP
+
+
+def pressure(p: Expr | float, u: Expr, v: Expr, dx: ufl.Measure) -> Form:
+    """Virtual work of a pressure in Pa that stays normal to the moved sheet; subtract it.
+
+    It pushes along the normal that the cells' corners turn about to the left (out of a closed surface, if
+    gmsh's normals point out): the force p n da is p x,1 x x,2, a polynomial in the moved tangents, so that
+    its derivative is exact. It is not symmetric where the sheet has a free edge. Degree 4 of `dx` is exact on
+    flat quadratic triangles.
+    """
+    domain = dx.ufl_domain()
+    J = ufl.Jacobian(domain)
+    x1, x2 = (J[:, i] + ufl.dot(ufl.grad(u), J[:, i]) for i in (0, 1))
+    return p * ufl.inner(ufl.cross(x1, x2), v) / ufl.JacobianDeterminant(domain) * dx
+
+
+def edge_moment(moment: Expr, d: Expr, delta: Expr, ds: ufl.Measure) -> Form:
+    """Virtual work of a dead moment per length of edge, a vector in N m/m, on the director d; subtract it.
+
+    The moment turns by the right-hand rule, and keeps its axis while the edge turns. When d turns by w it
+    does the work m . w: delta = w x d is the director's test function, and d x delta is w less its part
+    along d. The sum of moments is exact with one point an edge (degree 1) where the directors are at
+    the middles of edges.
+    """
+    return ufl.inner(moment, ufl.cross(d, delta)) * ds
 
 
 SHEAR_REACH = 1e-3
@@ -44,5 +89,7 @@ def shear_stiffness(domain: mesh.Mesh, moduli: tuple[float, float], thickness: E
     nothing (Lyly, Stenberg, Vihinen 1993, doi 10.1016/0045-7825(93)90018-Q, and common practice).
     """
     h = thickness
-    limited = h**3 / (h**2 + SHEAR_REACH * ufl.CellVolume(domain))
+    # UFL's CellVolume is for flat triangles only
+    area = ufl.JacobianDeterminant(domain) * (0.5 if domain.basix_cell().name == "triangle" else 1.0)
+    limited = h**3 / (h**2 + SHEAR_REACH * area)
     return 5 / 6 * limited * fem.Constant(domain, np.diag(np.array(moduli, dtype=float)))
