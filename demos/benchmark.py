@@ -197,7 +197,7 @@ def hook_row(element, points, repeats, comm):
     domain = mesh.create_rectangle(comm, [[0, 0], [length, width]], [max(1, round(squares / ny)), ny], cell)
     V = fem.functionspace(domain, ("Lagrange", degree, (2,)))
     u, v = fem.Function(V), ufl.TestFunction(V)
-    strain = kinematics.plane_strain_vector(u, frame.plane_axes(domain, np.pi / 4))
+    strain = kinematics.membrane_strain(u, frame.plane_axes(domain, np.pi / 4))
     law = Timed(Woven(fabrics.load("blend")))
     fabric = hook.LawHook(law, strain, domain, degree=rule)
     residual = weakform.internal(fabric.stress, strain, u, v, law.law.fabric.thickness, fabric.dx)

@@ -13,13 +13,28 @@ import ufl
 from mpi4py import MPI
 from dolfinx import fem
 
-from fabric_fenicsx import command, fabrics, frame, hook, kinematics, meshing, results, statics, weakform
+from fabric_fenicsx import (
+    assumed_strain,
+    command,
+    directors,
+    fabrics,
+    frame,
+    hook,
+    kinematics,
+    meshing,
+    results,
+    statics,
+    supports,
+    weakform,
+)
 from fabric_fenicsx.errors import StepFailed
+from fabric_fenicsx.laws import section
 from fabric_fenicsx.laws.printed import Printed
 from fabric_fenicsx.laws.woven import Woven
 
-MESHES = Path(__file__).parent.parent / "meshes"
+STRIP = Path(__file__).parent.parent / "meshes" / "strip.geo"
 LAWS = {"continuous": Woven, "printed": Printed}
+FOUNDATION = 1.0  # N/m3
 
 
 @dataclass
@@ -35,6 +50,10 @@ class Case:
     steps: int = 20
     ends: str = "clamped"
     reload: bool = False
+    mesh: Path = STRIP
+    kinematics: str = "plane"
+    imperfection: float = 0.0
+    whole: bool = False
 
     @property
     def displacement(self):
@@ -46,6 +65,13 @@ class Case:
         curve = {0.0: self.fabric.warp, 90.0: self.fabric.weft}.get(self.angle)
         return None if curve is None else curve.stress(strain)
 
+    def trellis(self, strain):
+        """Stress (Pa) of a bias test by Table 7.3 if the yarns turned but kept their length; else None.
+
+        Where E11 + E22 = 0 the axial strain is E12; where the transverse stress is zero the axial one is 2 S12.
+        """
+        return 2 * self.fabric.shear.stress(2 * strain) if self.angle == 45.0 else None
+
     def path(self):
         """Displacements (m) to go through, and the number of the step at the highest."""
         path, last = [], 0.0
@@ -56,54 +82,96 @@ class Case:
 
 
 def strip(case, comm=MPI.COMM_WORLD):
-    """The strip in its grips: unknown, solver, hook, and a function that pulls the end."""
-    nx, ny = case.cells
-    domain = meshing.read(MESHES / "strip.geo", comm, gdim=2, nx=nx, ny=ny,
-                          length=case.fabric.gauge_length, width=case.fabric.width)  # fmt: skip
-    mesh = domain.mesh
-    V = fem.functionspace(mesh, ("Lagrange", case.degree, (2,)))
-    u, v = fem.Function(V), ufl.TestFunction(V)
+    """The strip in its grips: unknown, solver, hook, and a function that pulls the end.
 
-    axes = frame.plane_axes(mesh, np.radians(case.angle))
-    strain = kinematics.plane_strain_vector(u, axes)
+    In space its ends stay in their plane and are gripped; while it is flat it does what it does in the plane.
+    """
+    size = dict(zip(("nx", "ny"), case.cells, strict=True), length=case.fabric.gauge_length, width=case.fabric.width)
+    plane = case.kinematics == "plane"
+    domain = meshing.read(case.mesh, comm, gdim=2 if plane else 3, **(size if case.mesh == STRIP else {}))
+    mesh, h = domain.mesh, case.fabric.thickness
     law = LAWS[case.law](case.fabric, case.poisson)
-    fabric = hook.LawHook(law, strain, mesh, degree=2 * case.degree)
-    h = fem.Constant(mesh, case.fabric.thickness)
-    residual = weakform.internal(fabric.stress, strain, u, v, h, fabric.dx)
+    angle = np.radians(case.angle)
+    warp = (np.cos(angle), np.sin(angle), 0.0)
 
-    def dofs(group, component):
-        dim, entities = domain.entities(group)
-        mesh.topology.create_connectivity(dim, mesh.topology.dim)
-        return fem.locate_dofs_topological(V.sub(component), dim, entities)
+    if case.kinematics == "shell":
+        x = mesh.geometry.x
+        x[:, 2] = case.imperfection * np.sin(np.pi * x[:, 0] / x[:, 0].max(initial=1e-9))
+        space = directors.ShellSpace(mesh, "q1" if mesh.basix_cell().name == "quadrilateral" else None)
+        u, v = space.function(), ufl.TestFunction(space.V)
+        strain, shear = assumed_strain.shell_strains(space, u, warp)
+        fabric = hook.LawHook(section.Section(law, h), strain, mesh, directors.DEGREE)
+        G = case.fabric.shear.modulus[0]
+        stiffness = weakform.shear_stiffness(mesh, (G, G), fem.Constant(mesh, h))
+        residual = weakform.internal(fabric.stress, strain, u, v, 1.0, fabric.dx)
+        residual += weakform.internal(ufl.dot(stiffness, shear), shear, u, v, 1.0, space.dx_shear)
+    else:
+        space = fem.functionspace(mesh, ("Lagrange", case.degree, (mesh.geometry.dim,)))
+        u, v = fem.Function(space), ufl.TestFunction(space)
+        axes = frame.plane_axes(mesh, angle) if plane else frame.surface_axes(mesh, warp, 2 * case.degree)
+        strain = kinematics.membrane_strain(u, axes)
+        fabric = hook.LawHook(law, strain, mesh, degree=2 * case.degree)
+        residual = weakform.internal(fabric.stress, strain, u, v, fem.Constant(mesh, h), fabric.dx)
+        if not plane:
+            # across itself a membrane without stress has no stiffness: it lies on a soft foundation
+            residual += fem.Constant(mesh, FOUNDATION) * u[2] * v[2] * fabric.dx
 
     end = fem.Constant(mesh, 0.0)
-    zero = fem.Constant(mesh, 0.0)
-    fixed, pulled = dofs("fixed_end", 0), dofs("pulled_end", 0)
-    bcs = [fem.dirichletbc(zero, fixed, V.sub(0)), fem.dirichletbc(end, pulled, V.sub(0))]
-    across = ["fixed_end", "pulled_end"] if case.ends == "clamped" else ["pin"]
-    bcs += [fem.dirichletbc(zero, dofs(group, 1), V.sub(1)) for group in across]
+    held = [("fixed_end", 0, 0.0), ("pulled_end", 0, end)]
+    held += [(group, 1, 0.0) for group in (["fixed_end", "pulled_end"] if case.ends == "clamped" else ["pin"])]
+    held += [] if plane else [("fixed_end", 2, 0.0), ("pulled_end", 2, 0.0)]
+    bcs = [bc for group, axis, value in held for bc in supports.lead(domain, space, group, axis, value)]
+    if case.kinematics == "shell":
+        bcs += supports.hold(domain, space, "fixed_end") + supports.hold(domain, space, "pulled_end")
 
     # under displacement control a line search takes far fewer iterations past the kinks of the law
-    solver = statics.StaticSolver(residual, u, bcs, [fabric], options={"snes_linesearch_type": "bt"})
+    solver = statics.StaticSolver(
+        residual,
+        u,
+        bcs,
+        [fabric],
+        options={"snes_linesearch_type": "bt"},
+        space=space if case.kinematics == "shell" else None,
+    )
 
     def pull(displacement):
         end.value = displacement
 
+    fixed, pulled = (supports.unknowns(domain, space, group, 0) for group in ("fixed_end", "pulled_end"))
     return u, solver, fabric, pull, (fixed, pulled)
 
 
-def run(case, out=None, comm=MPI.COMM_WORLD, progress=None):
-    """Run a test: its table, the step at the highest load, and what stopped it (None, or a sentence)."""
-    u, solver, fabric, pull, (fixed, pulled) = strip(case, comm)
+def displacement(case, u):
+    """The displacement as a Function of its own, to write and to draw, and what brings it up to date."""
+    if case.kinematics != "shell":
+        return u, lambda: None
+    space, dofs = u.function_space.sub(0).collapse()
+    shown = fem.Function(space)
+
+    def refresh():
+        shown.x.array[:] = u.x.array[dofs]
+
+    return shown, refresh
+
+
+def run(case, out=None, comm=MPI.COMM_WORLD, progress=None, watch=None, scene=None):
+    """Run a test: its table, the step at the highest load, and what stopped it (None, or a sentence).
+
+    `watch(step, fabric)` is called after every step with the law's hook; the test ends where it returns true.
+    `scene` is what `strip` made for the same specimen and law, unloaded, if it is to be used again.
+    """
+    u, solver, fabric, pull, (fixed, pulled) = scene or strip(case, comm)
     mesh = u.function_space.mesh
     length, area = case.fabric.gauge_length, case.fabric.width * case.fabric.thickness
     middle = ufl.conditional(abs(ufl.SpatialCoordinate(mesh)[0] - length / 2) < length / 6, 1.0, 0.0)
-    across = ufl.grad(u)[:, 1]
+    across = ufl.grad(ufl.split(u)[0] if case.kinematics == "shell" else u)[:, 1]
     across = results.Average(across[1] + ufl.dot(across, across) / 2, middle, fabric.dx, comm)
 
     path, peak = case.path()
+    shown, refresh = displacement(case, u)
+    stopped = None
     with results.Table(out and out / "history.csv", comm) as table:
-        fields = results.Fields(out / "fields.bp", u, ("axial_strain",)) if out else None
+        fields = results.Fields(out / "fields.bp", shown, ("axial_strain",)) if out else None
         try:
             for step in statics.march(solver, pull, path, progress=progress):
                 force = solver.reaction(pulled)
@@ -120,26 +188,30 @@ def run(case, out=None, comm=MPI.COMM_WORLD, progress=None):
                     imbalance_N=force + solver.reaction(fixed),
                     wall_s=step.wall_s,
                 )
+                refresh()
                 if fields:
                     fields.write(step.number, axial_strain=axial_strain(case, fabric))
                     if step.number == peak:
                         title = f"{case.fabric.name}, warp at {case.angle:g} degrees, {step.load * 1e3:g} mm"
-                        results.picture(
-                            out / "deformed.png", u, axial_strain(case, fabric), "axial strain", title
-                        )
-                if step.number > peak and force <= 0.0:
+                        results.picture(out / "deformed.png", shown, axial_strain(case, fabric), "axial strain", title)
+                if (watch and watch(step, fabric)) or (step.number > peak and force <= 0.0 and not case.whole):
                     break
         except StepFailed as error:
-            return table, peak, str(error)
-        finally:
-            if fields:
-                fields.close()
-    return table, peak, None
+            stopped = str(error)
+        if fields:
+            fields.close()
+            if case.kinematics == "shell":
+                height = comm.allreduce(np.abs(shown.x.array[2::3]).max(initial=0.0), MPI.MAX)
+                command.say(f"  out of its plane by {height * 1e3:.3g} mm at the end")
+                refresh()
+                title = f"{case.fabric.name}, after unloading"
+                results.picture(out / "unloaded.png", shown, axial_strain(case, fabric), "axial strain", title)
+    return table, peak, stopped
 
 
 def axial_strain(case, fabric):
     """Mean over each cell of the Green-Lagrange strain along the load."""
-    E1, E2, gamma = fabric.strain.mean(axis=1).T
+    E1, E2, gamma = fabric.strain[..., :3].mean(axis=1).T
     c, s = np.cos(np.radians(case.angle)), np.sin(np.radians(case.angle))
     return c * c * E1 + s * s * E2 - c * s * gamma
 
@@ -149,25 +221,26 @@ def plot(path, runs):
     from matplotlib.figure import Figure
 
     names = list(dict.fromkeys(case.fabric.name for case, _ in runs))
-    figure = Figure(
-        figsize=(min(12.0, 6.0 * len(names)), 4.0 * ((len(names) + 1) // 2)), layout="constrained"
-    )
-    panels = figure.subplots((len(names) + 1) // 2, min(len(names), 2), squeeze=False).flat
-    for name, axes in zip(names, panels, strict=False):
+    rows, columns = (len(names) + 1) // 2, min(len(names), 2)
+    figure = Figure(figsize=(6.0 * columns, 4.0 * rows + 0.5), layout="constrained")
+    legend = {}
+    for name, axes in zip(names, figure.subplots(rows, columns, squeeze=False).flat, strict=False):
         for case, table in (run for run in runs if run[0].fabric.name == name):
             strain, stress = table.column("axial_strain"), table.column("axial_stress_MPa")
             strain, stress = np.insert(strain, 0, 0.0), np.insert(stress, 0, 0.0)
             color = {0.0: "C0", 90.0: "C3", 45.0: "C2"}.get(case.angle, "C4")
-            axes.plot(strain, stress, ".-", color=color, label=f"warp at {case.angle:g}°, {case.ends} ends")
-            if case.fitted(0.0) is not None:
-                smooth = np.linspace(0.0, strain.max(), 100)
-                axes.plot(smooth, case.fitted(smooth) / 1e6, "--", color="black", lw=1, zorder=0)
-        axes.plot([], [], "--", color="black", lw=1, label="fitted curve, Table 7.1")
-        axes.set(
-            title=name, xlabel="axial Green-Lagrange strain", ylabel="axial stress S, MPa", ylim=(0, None)
-        )
+            label = f"warp at {case.angle:g}°, {case.ends} ends"
+            (legend[label],) = axes.plot(strain, stress, ".-", color=color)
+            smooth = np.linspace(0.0, strain.max(), 100)
+            for label, curve, style in (
+                ("fitted curve, Table 7.1", case.fitted(smooth), "--"),
+                ("Table 7.3, yarns of constant length", case.trellis(smooth), ":"),
+            ):
+                if curve is not None:
+                    (legend[label],) = axes.plot(smooth, curve / 1e6, style, color="black", lw=1.2, zorder=0)
+        axes.set(title=name, xlabel="axial Green-Lagrange strain", ylabel="axial stress S, MPa", ylim=(0, None))
         axes.grid(alpha=0.3)
-        axes.legend(fontsize=8)
+    figure.legend(legend.values(), legend, loc="outside lower center", ncols=columns + 1, fontsize=9)
     figure.savefig(path, dpi=150)
 
 
@@ -189,9 +262,7 @@ def report(case, table, peak, stopped):
     )
     if stopped:
         return line + f"stopped at {rows[-1]['displacement_mm']:.2f} mm", right
-    return line + ("force gone" if force[-1] <= 0 else "back at zero") + (
-        "" if right else ", CHECK FAILED"
-    ), right
+    return line + ("force gone" if force[-1] <= 0 else "back at zero") + ("" if right else ", CHECK FAILED"), right
 
 
 def angles(text):
@@ -200,18 +271,20 @@ def angles(text):
 
 
 def arguments():
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.ArgumentDefaultsHelpFormatter
-    )
-    parser.add_argument(
-        "--fabric", default="blend", help=f"{', '.join(fabrics.names())}, a TOML file, or all"
-    )
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.ArgumentDefaultsHelpFormatter)
+    parser.add_argument("--fabric", default="blend", help=f"{', '.join(fabrics.names())}, a TOML file, or all")
     parser.add_argument(
         "--angle", type=angles, default="0", help="degrees from the load to the warp, or all: 0, 90 and 45"
     )
     parser.add_argument("--law", choices=LAWS, default="continuous")
     parser.add_argument("--poisson", choices=["measured", "lowered"], default="measured")
     parser.add_argument("--cells", type=command.grid, default="9x3", help="cells along and across the strip")
+    parser.add_argument(
+        "--mesh",
+        type=Path,
+        default=STRIP,
+        help="another mesh of the strip: .geo, .msh; edges fixed_end, pulled_end, point pin",
+    )
     parser.add_argument("--degree", type=int, choices=[1, 2], default=1, help="degree of the displacement")
     parser.add_argument("--steps", type=command.positive, default=20, help="steps up, and as many down")
     parser.add_argument(
@@ -219,9 +292,12 @@ def arguments():
         choices=["clamped", "free"],
         help="may the ends contract? (if left out, as the thesis: only in bias)",
     )
+    parser.add_argument("--reload", action="store_true", help="go to 75, back to 70, and on to 100 %% of the way")
+    parser.add_argument("--kinematics", choices=["plane", "membrane", "shell"], default="plane")
     parser.add_argument(
-        "--reload", action="store_true", help="go to 75, back to 70, and on to 100 %% of the way"
+        "--imperfection", type=command.number, default=0.0, help="height in mm of a half wave along a shell strip"
     )
+    parser.add_argument("--whole", action="store_true", help="go back to zero displacement, past zero force")
     parser.add_argument("--out", type=Path, default=Path("out/tensile"))
     return command.parse(parser)
 
@@ -238,8 +314,9 @@ def main():
         for angle in args.angle:
             ends = args.ends or ("clamped" if angle in (0.0, 90.0) else "free")
             case = Case(
-                fabric, angle, args.law, args.poisson, args.cells, args.degree, args.steps, ends, args.reload
-            )
+                fabric, angle, args.law, args.poisson, args.cells, args.degree, args.steps, ends, args.reload,
+                args.mesh, args.kinematics, args.imperfection * 1e-3, args.whole,
+            )  # fmt: skip
             folder = results.folder(out / f"{Path(name).stem}_{angle:g}")
             table, peak, stopped = run(case, folder, comm, progress=f"{fabric.name} {angle:g}")
             line, good = report(case, table, peak, stopped)
@@ -253,9 +330,7 @@ def main():
     if comm.rank == 0 and len(runs) > 1:
         plot(out / "stress_strain.png", runs)
     verdict = "yes" if right else "NO"
-    command.say(
-        f"check: grips in balance, cycles complete, free yarn tests on the fitted curve: {verdict}; see {out}"
-    )
+    command.say(f"check: grips in balance, cycles complete, free yarn tests on the fitted curve: {verdict}; see {out}")
     return 0 if right else 1
 
 

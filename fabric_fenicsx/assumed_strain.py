@@ -133,7 +133,9 @@ def quadrilateral_strains(space: ShellSpace, u: Expr, d: Expr, axes: tuple[Expr,
         return [
             (ufl.dot(x1, x1) - (s * s - 0.25) * ce) / 2,
             (ufl.dot(x2, x2) - (r * r - 0.25) * ce) / 2,
-            ufl.dot(x1, x2) - (r * (ufl.dot(a, e) - alpha * ce / 4) + s * (ufl.dot(b, e) - beta * ce / 4) if REDUCED else 0) - r * s * ce,
+            ufl.dot(x1, x2)
+            - (r * (ufl.dot(a, e) - alpha * ce / 4) + s * (ufl.dot(b, e) - beta * ce / 4) if REDUCED else 0)
+            - r * s * ce,
             ufl.dot(x1, d1),
             ufl.dot(x2, d2),
             ufl.dot(x1, d2) + ufl.dot(x2, d1),
@@ -193,7 +195,7 @@ def shell_strains(space: ShellSpace, q: fem.Function, warp: Sequence[float] | Ex
     axes = frame.surface_axes(space.mesh, warp, DEGREE)
     if space.element == "mitc4":
         return quadrilateral_strains(space, u, d, axes)
-    membrane = kinematics.plane_strain_vector(u, axes)
+    membrane = kinematics.membrane_strain(u, axes)
     if space.element == "regge":
         membrane -= membrane_remainder(space.mesh, u, axes)
     bending = kinematics.bending_strain(u, d, space.normal, axes)

@@ -117,10 +117,10 @@ def arc_length(
     shell, but Newton's method meets it along with equilibrium: two solves with one factorisation.
     Hooks and directors are committed once a step, before it is yielded.
 
-    Measured on the hinged roof of `demos/snap_through.py`, 6.35 mm, against a start along the tangent,
-    Crisfield's quadratic equation, a fixed plane, and SNESNEWTONAL of PETSc 3.25: 63 factorisations against
-    111, 71, 60 and 112. PETSc's takes a whole path in one solve, where nothing can be committed, in steps of
-    one length, which at ten times that length, and at a tenth of it, did not arrive.
+    Measured on the thin roof of `demos/snap_through.py`: 3.2 factorisations a step, as many as with Crisfield's
+    quadratic equation, between whose roots one would have to choose, and 3.5 if a step sets out along the
+    tangent. SNESNEWTONAL of PETSc 3.25 takes 3.3, but goes the whole way in one solve, where nothing
+    can be committed or cut, by steps of one length: ten times too long a one jumps, or never arrives.
     """
     if not (np.isfinite(first) and first != 0.0):
         raise InputError(f"The first load of a path must be a number other than 0, not {first!r}.")

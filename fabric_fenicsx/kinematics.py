@@ -4,7 +4,7 @@ import ufl
 from ufl.core.expr import Expr
 
 
-def plane_strain_vector(u: Expr, axes: tuple[Expr, Expr]) -> Expr:
+def membrane_strain(u: Expr, axes: tuple[Expr, Expr]) -> Expr:
     """Green-Lagrange strain (E11, E22, 2 E12) in warp/weft axes of a plane displacement, (6.3), (6.6).
 
     Written with the displacement gradient, E = sym(G) + G^T G / 2, which has no cancellation at

@@ -144,7 +144,8 @@ def picture(path: Path, u: fem.Function, cell_values: np.ndarray, label: str, ti
 
     pyvista.OFF_SCREEN = True
     blocks = []
-    for topology, kinds, points, moved, values in parts:
+    # VTK takes no empty part; a rank may be without cells
+    for topology, kinds, points, moved, values in (part for part in parts if len(part[-1])):
         grid = pyvista.UnstructuredGrid(topology, kinds, points)
         grid["displacement"], grid.cell_data[label] = moved, values
         blocks.append(grid)

@@ -53,6 +53,12 @@ def clamp(domain: Domain, space: Space, name: str) -> Conditions:
     return grip(domain, space, name)[0] if isinstance(space, ShellSpace) else hinge(domain, space, name)
 
 
+def hold(domain: Domain, space: ShellSpace, name: str) -> Conditions:
+    """No rotation of a shell; its displacement is free."""
+    part = space.V.sub(1)
+    return [fem.dirichletbc(space.normal, _at(domain, name, (part, space.normal.function_space)), part)]
+
+
 def symmetry(domain: Domain, space: Space, name: str, axis: int) -> Conditions:
     """A plane of symmetry across the axis 0, 1 or 2: no displacement along it, and the director stays in the plane."""
     conditions = lead(domain, space, name, axis, 0.0)

@@ -55,10 +55,10 @@ def point_force(force: Expr, v: Expr, dP: ufl.Measure) -> Form:
 def pressure(p: Expr | float, u: Expr, v: Expr, dx: ufl.Measure) -> Form:
     """Virtual work of a pressure in Pa that stays normal to the moved sheet; subtract it.
 
-    It pushes along the normal that the cells' corners turn about to the left (out of a closed surface, if
-    gmsh's normals point out): the force p n da is p x,1 x x,2, a polynomial in the moved tangents, so that
-    its derivative is exact. It is not symmetric where the sheet has a free edge. Degree 4 of `dx` is exact on
-    flat quadratic triangles.
+    It pushes along the normal, that of `ufl.CellNormal`, about which the corners of a cell run counter-clockwise.
+    The force p n da is p x,1 x x,2, with the tangents x,a of the moved sheet: a polynomial in u, whose
+    derivative is exact. It is not symmetric where the sheet has a free edge. Degree 4 of `dx` is exact on
+    flat triangles with a quadratic u.
     """
     domain = dx.ufl_domain()
     J = ufl.Jacobian(domain)

@@ -171,9 +171,7 @@ def test_a_kink_is_passed_by_stress(steps):
     targets[:, 0] = 1e6 * np.r_[np.arange(1, steps + 1) / steps, np.arange(steps - 1, -1, -1) / steps]
     result = mixed(Kinked(), targets, ["stress"] * 3)
     S = targets[:, 0]
-    np.testing.assert_allclose(
-        result.strain[:, 0], np.where(S > 1e5, 0.1 + (S - 1e5) / 1001e6, S / 1e6), atol=1e-9
-    )
+    np.testing.assert_allclose(result.strain[:, 0], np.where(S > 1e5, 0.1 + (S - 1e5) / 1001e6, S / 1e6), atol=1e-9)
 
 
 def test_a_step_that_fails_is_halved_and_grows_again():

@@ -29,7 +29,7 @@ def strain_of(F, warp):
 def test_a_rotation_strains_nothing_and_adds_nothing_to_a_strain(cell, angle):
     domain = scenes.grid(MPI.COMM_SELF, cell, skew=0.3)
     u = fem.Function(scenes.space(domain))
-    strain = kinematics.plane_strain_vector(u, frame.plane_axes(domain, 0.7))
+    strain = kinematics.membrane_strain(u, frame.plane_axes(domain, 0.7))
     fabric = hook.LawHook(ELASTIC, strain, domain, 2)
     for gradient in (np.zeros((2, 2)), STRETCH):
         F = np.eye(2) + gradient

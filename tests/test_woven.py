@@ -105,9 +105,7 @@ def test_P2_stress_is_lipschitz_in_the_end_strain(name, options):
     if law.reciprocal:
         ratio = np.sqrt(nu12 * nu21) * state[:, 12:13]
         coupling = np.hstack([ratio, nu12 * nu21 / ratio, 0 * ratio])
-    slopes = np.array(
-        [max(abs(np.diff(c.tangent(np.linspace(0, c.limit, 999))))) * 999 / c.limit for c in curves]
-    )
+    slopes = np.array([max(abs(np.diff(c.tangent(np.linspace(0, c.limit, 999))))) * 999 / c.limit for c in curves])
     # dS <= D (1 + nu) / (1 - nu12 nu21) dE, and what the mean modulus changes over the increment
     bound = (stiffest + slopes) * (1 + coupling) * [*[1 / (1 - nu12 * nu21)] * 2, 1.0]
     assert (jump <= bound * np.abs(other - strain).max(1, keepdims=True) + 1e-3).all()

@@ -203,9 +203,7 @@ def check(law: Law, strains: ArrayLike | None = None, seed: int = 0) -> Report:
     state, asymmetry, judged, worst, where = np.tile(start, (n, 1)), 0.0, 0.0, -1.0, E[0]
     for _ in range(4):
         stress, tangent = _check_answers(law, E, state, rng)
-        skew = np.abs(tangent - np.swapaxes(tangent, 1, 2)).max((1, 2)) / (
-            np.abs(tangent).max((1, 2)) + 1e-300
-        )
+        skew = np.abs(tangent - np.swapaxes(tangent, 1, 2)).max((1, 2)) / (np.abs(tangent).max((1, 2)) + 1e-300)
         asymmetry = max(asymmetry, float(skew.max()))
         _require(skew < 1e-10 if law.symmetric else True, E, "symmetric is True but the tangent is not so")
         error, smooth = _tangent_errors(law, E, state, stress, tangent)
@@ -215,9 +213,7 @@ def check(law: Law, strains: ArrayLike | None = None, seed: int = 0) -> Report:
             worst, where = float(error.max()), E[error.max((1, 2)).argmax()]
         state = _ask(law, E[rng.permutation(n)], state)[2]
     if judged == 0:
-        raise InputError(
-            "the stress has a kink or a jump at every strain looked at; no tangent can be judged."
-        )
+        raise InputError("the stress has a kink or a jump at every strain looked at; no tangent can be judged.")
     return Report(4 * n, judged, worst, where, bool(law.symmetric), asymmetry)
 
 

@@ -33,15 +33,12 @@ class Printed:
 
     def __init__(self, fabric: "Fabric", poisson: str = "measured", shear_hysteresis: bool = True) -> None:
         if poisson not in fabric.poisson:
-            raise InputError(
-                f"poisson={poisson!r} is not one of {', '.join(fabric.poisson)} for {fabric.name}."
-            )
+            raise InputError(f"poisson={poisson!r} is not one of {', '.join(fabric.poisson)} for {fabric.name}.")
         self.fabric = fabric
         self.symmetric = False
         self._nu = fabric.poisson[poisson]
         self._curves = tuple(
-            kernels.pack(c.modulus, c.unloading, c.limit, 1.0)
-            for c in (fabric.warp, fabric.weft, fabric.shear)
+            kernels.pack(c.modulus, c.unloading, c.limit, 1.0) for c in (fabric.warp, fabric.weft, fabric.shear)
         )
         self._hysteretic = shear_hysteresis
         self.initial_state = np.zeros(10)

@@ -68,25 +68,19 @@ class StVenantKirchhoff:
         whenever that product is below 1. InputError for an unknown key or constants that cannot be used.
         """
         if poisson not in fabric.poisson:
-            raise InputError(
-                f"unknown Poisson's ratios {poisson!r}; choose one of {', '.join(fabric.poisson)}."
-            )
+            raise InputError(f"unknown Poisson's ratios {poisson!r}; choose one of {', '.join(fabric.poisson)}.")
         nu12, nu21 = fabric.poisson[poisson]
         D1, D2, G12 = (float(curve.modulus[0]) for curve in (fabric.warp, fabric.weft, fabric.shear))
         _require_positive(D1=D1, D2=D2, G12=G12)
         if not nu12 * nu21 >= 0:
-            raise InputError(
-                f"nu12 = {nu12:g} and nu21 = {nu21:g} differ in sign and have no geometric mean."
-            )
+            raise InputError(f"nu12 = {nu12:g} and nu21 = {nu21:g} differ in sign and have no geometric mean.")
         return cls._coupled(D1, D2, np.copysign(np.sqrt(nu12 * nu21 * D1 * D2), nu12), nu12 * nu21, G12)
 
     @classmethod
     def _coupled(cls, D1: float, D2: float, b: float, product: float, G12: float) -> Self:
         """C from moduli, coupling term b (all in Pa) and the product nu12 nu21."""
         if not product < 1:
-            raise InputError(
-                f"nu12 nu21 = {product:g} is not below 1; the biaxial stiffness would not be positive."
-            )
+            raise InputError(f"nu12 nu21 = {product:g} is not below 1; the biaxial stiffness would not be positive.")
         return cls(np.array([[D1, b, 0], [b, D2, 0], [0, 0, (1 - product) * G12]]) / (1 - product))
 
     def respond(

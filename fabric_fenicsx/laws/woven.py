@@ -56,9 +56,7 @@ class Woven:
         ramp: float = RAMP,
     ) -> None:
         if poisson not in fabric.poisson:
-            raise InputError(
-                f"poisson={poisson!r} is not one of {', '.join(fabric.poisson)} for {fabric.name}."
-            )
+            raise InputError(f"poisson={poisson!r} is not one of {', '.join(fabric.poisson)} for {fabric.name}.")
         if coupling not in ("measured", "reciprocal"):
             raise InputError(f"coupling={coupling!r} is neither 'measured' nor 'reciprocal'.")
         if not (0.0 < ramp < np.inf):
@@ -70,8 +68,7 @@ class Woven:
         self.reciprocal = coupling == "reciprocal"
         self._nu = (nu12, nu21)
         self._curves = tuple(
-            kernels.pack(c.modulus, c.unloading, c.limit, ramp)
-            for c in (fabric.warp, fabric.weft, fabric.shear)
+            kernels.pack(c.modulus, c.unloading, c.limit, ramp) for c in (fabric.warp, fabric.weft, fabric.shear)
         )
         d1, d2 = fabric.warp.modulus[0], fabric.weft.modulus[0]
         state = [0.0, 0.0, 0.0, 0.0, d1, 0.0, 0.0, d2]

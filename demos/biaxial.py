@@ -1,0 +1,177 @@
+"""Biaxial stretch of a square sheet, 1:1 (thesis 7.3.1, Figures 7-29, 7-30): up, and down until no force is left.
+
+The sheet of 25.4 cm, warp along x, is stretched by 3 cm both ways. The thesis calls that the maximum
+displacement; here it is the whole extension of a side, E = 0.125: with twice that the weft would leave its
+measured range. Each edge moves along its normal and is free along itself. The checked number is the stress,
+which must be that of a material point taken along the same strains; and opposite edges must balance.
+"""
+
+from mpi4py import MPI  # isort: skip  (first, as in every DOLFINx script: it loads the MPI library)
+
+import argparse
+from pathlib import Path
+
+import numpy as np
+import ufl
+from dolfinx import fem
+
+from fabric_fenicsx import command, fabrics, frame, hook, kinematics, meshing, results, statics, weakform
+from fabric_fenicsx.errors import InputError, StepFailed
+from fabric_fenicsx.laws import driver
+from fabric_fenicsx.laws.printed import Printed
+from fabric_fenicsx.laws.woven import Woven
+
+MESH = Path(__file__).parent.parent / "meshes" / "square.geo"
+SIDE = 0.254  # m
+LAWS = {"continuous": Woven, "printed": Printed}
+
+
+def run(fabric, law, steps=20, displacement=0.03, out=None, cells=4, mesh=MESH, comm=MPI.COMM_WORLD):
+    """Run a cycle: its table, the relative errors of stress and balance, what stopped it (None, or a sentence)."""
+    domain = meshing.read(mesh, comm, gdim=2, **({"side": SIDE, "n": cells} if mesh == MESH else {}))
+    V = fem.functionspace(domain.mesh, ("Lagrange", 1, (2,)))
+    u, v = fem.Function(V), ufl.TestFunction(V)
+    strain = kinematics.membrane_strain(u, frame.plane_axes(domain.mesh, 0.0))
+    sheet = hook.LawHook(law, strain, domain.mesh, degree=2)
+    residual = weakform.internal(sheet.stress, strain, u, v, fabric.thickness, sheet.dx)
+
+    still, pulled = fem.Constant(domain.mesh, 0.0), fem.Constant(domain.mesh, 0.0)
+    edge, bcs = {}, []
+    for name, normal, value in ("left", 0, still), ("right", 0, pulled), ("bottom", 1, still), ("top", 1, pulled):
+        edge[name] = fem.locate_dofs_topological(V.sub(normal), *domain.entities(name))
+        bcs.append(fem.dirichletbc(value, edge[name], V.sub(normal)))
+    # far below the tolerance of the check
+    solver = statics.StaticSolver(residual, u, bcs, [sheet], rtol=1e-10, options={"snes_linesearch_type": "bt"})
+
+    def pull(d):
+        pulled.value = d
+
+    up = displacement * np.linspace(0.0, 1.0, steps + 1)
+    path = np.concatenate([up[1:], up[-2::-1]])
+    E = path / SIDE + (path / SIDE) ** 2 / 2
+    point = driver.run(law, np.stack([E, E, 0 * E], axis=1)).stress
+    S = sheet.stress.ref_coefficient
+    stress_error, force_error, stopped = 0.0, 0.0, None
+
+    with results.Table(out and out / "history.csv", comm) as table:
+        fields = results.Fields(out / "fields.bp", u, ("warp_strain_E11",)) if out else None
+        try:
+            for step in statics.march(solver, pull, path, progress=out and f"{fabric.name} biaxial"):
+                force = {name: solver.reaction(dofs) for name, dofs in edge.items()}
+                imbalance = max(abs(force["left"] + force["right"]), abs(force["bottom"] + force["top"]))
+                expected = point[step.number - 1]
+                difference = comm.allreduce(np.abs(S.x.array.reshape(-1, 3) - expected).max(initial=0.0), MPI.MAX)
+                stress_error, force_error = max(stress_error, difference), max(force_error, imbalance)
+                stretch = 1 + step.load / SIDE
+                area = SIDE * fabric.thickness
+                table.row(
+                    step=step.number,
+                    displacement_mm=step.load * 1e3,
+                    force_N=force["right"],
+                    axial_strain=E[step.number - 1],
+                    axial_stress_MPa=force["right"] / area / stretch / 1e6,
+                    transverse_strain=E[step.number - 1],
+                    transverse_stress_MPa=force["top"] / area / stretch / 1e6,
+                    transverse_force_N=force["top"],
+                    point_axial_stress_MPa=expected[0] / 1e6,
+                    point_transverse_stress_MPa=expected[1] / 1e6,
+                    imbalance_N=imbalance,
+                    newton_iterations=step.newton_iterations,
+                    step_cuts=step.step_cuts,
+                    wall_s=step.wall_s,
+                )
+                if fields:
+                    E11 = sheet.strain[..., 0].mean(axis=1)
+                    fields.write(step.number, warp_strain_E11=E11)
+                    if step.number == steps:
+                        title = f"{fabric.name}, 1:1 biaxial, {step.load * 1e3:g} mm"
+                        results.picture(out / "deformed.png", u, E11, "warp strain E11", title)
+                if step.number > steps and max(force["right"], force["top"]) <= 0.0:
+                    break
+        except StepFailed as error:
+            stopped = str(error)
+        if fields:
+            fields.close()
+    force = np.abs([table.column(name) for name in ("force_N", "transverse_force_N")]).max(initial=1e-300)
+    return table, stress_error / np.abs(point).max(), force_error / force, stopped
+
+
+def end_of_force(table, name, steps):
+    """Strain of the step down at which a force is gone, as text."""
+    for row in table.rows[steps:]:
+        if row[name] <= 0.0:
+            return f"{row['axial_strain']:.4f}"
+    return "-"
+
+
+def plot(path, runs):
+    """Warp and weft stress against strain of some (fabric, table), next to the fitted curves of Table 7.1."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(5.5 * len(runs) + 0.5, 4.8), layout="constrained")
+    for axes, (fabric, table) in zip(figure.subplots(1, len(runs), squeeze=False).flat, runs, strict=True):
+        strain = np.insert(table.column("axial_strain"), 0, 0.0)
+        smooth = np.linspace(0.0, strain.max(), 100)
+        for yarn, name, color in ("warp", "axial", "C0"), ("weft", "transverse", "C3"):
+            stress = np.insert(table.column(f"{name}_stress_MPa"), 0, 0.0)
+            axes.plot(strain, stress, ".-", color=color, label=f"{yarn}, 1:1 biaxial strain")
+            fitted = getattr(fabric, yarn).stress(smooth) / 1e6
+            axes.plot(smooth, fitted, "--", color=color, label=f"{yarn}, uniaxial stress (Table 7.1)")
+        axes.axhline(0.0, color="0.6", lw=0.8, zorder=0)
+        axes.set(title=fabric.name, xlabel="Green-Lagrange strain $E_{11} = E_{22}$", ylabel="stress S, MPa")
+        axes.grid(alpha=0.3)
+    figure.legend(*axes.get_legend_handles_labels(), loc="outside lower center", ncols=2, fontsize=9)
+    figure.savefig(path, dpi=150)
+
+
+def arguments():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.ArgumentDefaultsHelpFormatter)
+    parser.add_argument(
+        "--fabric", nargs="+", default=["blend", "denim"], help=f"of {', '.join(fabrics.names())}, or TOML files"
+    )
+    parser.add_argument("--law", choices=LAWS, default="continuous")
+    parser.add_argument("--poisson", choices=["measured", "lowered"], default="measured")
+    parser.add_argument("--displacement", type=command.number, default=30.0, help="extension of a side, mm")
+    parser.add_argument("--cells", type=command.positive, default=4, help="cells along a side")
+    parser.add_argument("--steps", type=command.positive, default=20, help="steps up, and as many down")
+    parser.add_argument("--mesh", type=Path, default=MESH, help="another mesh of a square of 254 mm, edges named alike")
+    parser.add_argument("--out", type=Path, default=Path("out/biaxial"))
+    return command.parse(parser)
+
+
+def main():
+    args = arguments()
+    if args.displacement <= 0.0:
+        raise InputError(f"--displacement {args.displacement:g} must be a positive extension in mm, such as 30.")
+    out, right, runs, worst = results.folder(args.out), True, [], np.zeros(2)
+    command.say(f"{'fabric':12s}{'E':>7s}{'warp MPa':>10s}{'x fit':>7s}{'weft MPa':>10s}{'x fit':>7s}"
+                f"{'its':>5s}{'cuts':>5s}{'s':>7s}  no force at E (warp, weft)")  # fmt: skip
+    for name in args.fabric:
+        fabric = fabrics.load(name)
+        folder = results.folder(out / Path(name).stem)
+        law = LAWS[args.law](fabric, args.poisson)
+        table, *errors, stopped = run(fabric, law, args.steps, args.displacement * 1e-3, folder, args.cells, args.mesh)
+        top = table.rows[min(args.steps, len(table.rows)) - 1]
+        warp, weft, E = top["axial_stress_MPa"], top["transverse_stress_MPa"], top["axial_strain"]
+        gone = [end_of_force(table, name, args.steps) for name in ("force_N", "transverse_force_N")]
+        command.say(
+            f"{fabric.name:12s}{E:7.4f}{warp:10.3f}{warp / fabric.warp.stress(E) * 1e6:7.2f}{weft:10.3f}"
+            f"{weft / fabric.weft.stress(E) * 1e6:7.2f}{table.column('newton_iterations').mean():5.1f}"
+            f"{table.column('step_cuts').sum():5d}{table.column('wall_s').sum():7.2f}  {stopped or ', '.join(gone)}"
+        )
+        worst = np.maximum(worst, errors)
+        right = right and max(errors) <= 1e-8 and not (stopped and args.law == "continuous")
+        runs.append((fabric, table))
+        if MPI.COMM_WORLD.rank == 0:
+            plot(folder / "stress_strain.png", runs[-1:])
+    if MPI.COMM_WORLD.rank == 0 and len(runs) > 1:
+        plot(out / "stress_strain.png", runs)
+    command.say(
+        f"check: stress that of a material point to {worst[0]:.0e}, opposite edges in balance to {worst[1]:.0e}, "
+        f"relative: {'yes' if right else 'NO'}; see {out}"
+    )
+    return 0 if right else 1
+
+
+if __name__ == "__main__":
+    command.run(main)

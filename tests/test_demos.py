@@ -1,0 +1,266 @@
+"""Every demo: its checked number, its files, its answer on two ranks, and what it says to bad input."""
+
+import csv
+import json
+import runpy
+import shutil
+import subprocess
+import sys
+import warnings
+from pathlib import Path
+
+import numpy as np
+import pytest
+from matplotlib import image
+
+from fabric_fenicsx import fabrics, results
+
+ROOT = Path(__file__).resolve().parent.parent
+DEMOS, MESHES = ROOT / "demos", ROOT / "meshes"
+COLUMNS = ["step", "displacement_mm", "force_N", "axial_strain", "axial_stress_MPa", "transverse_strain"]
+COLUMNS += ["newton_iterations", "step_cuts", "wall_s"]
+
+pytestmark = pytest.mark.filterwarnings("ignore:.*is beyond the measured")
+
+
+@pytest.fixture
+def demo(monkeypatch, capsys):
+    """Runs a demo in this process as from the command line: its status and what it wrote to the two streams."""
+    monkeypatch.syspath_prepend(DEMOS)
+    monkeypatch.setattr(warnings, "formatwarning", warnings.formatwarning)
+
+    def run(name, *words):
+        monkeypatch.setattr(sys, "argv", [name, *map(str, words)])
+        with pytest.raises(SystemExit) as end:
+            runpy.run_path(str(DEMOS / name), run_name="__main__")
+        return end.value.code, *capsys.readouterr()
+
+    return run
+
+
+@pytest.fixture
+def tensile(monkeypatch):
+    monkeypatch.syspath_prepend(DEMOS)
+    import tensile
+
+    return tensile
+
+
+def read(path):
+    """Columns of a CSV file of numbers."""
+    with open(path, newline="") as file:
+        rows = list(csv.DictReader(file))
+    return {name: np.array([float(row[name]) for row in rows]) for name in rows[0]}
+
+
+def look(path):
+    """A picture exists and is not blank."""
+    if path.name == "deformed.png" and results.can_draw() is not None:
+        pytest.skip(results.can_draw())
+    pixels = image.imread(path)
+    assert min(pixels.shape[:2]) > 300
+    assert len(np.unique(pixels[::3, ::3, :3] @ [1, 300, 90000])) > 20, f"{path} is blank"
+
+
+def files(folder):
+    """The history of a run, which has the agreed columns; fields and pictures are there."""
+    table = read(folder / "history.csv")
+    assert set(table) >= set(COLUMNS)
+    assert (folder / "fields.bp").exists()
+    look(folder / "stress_strain.png")
+    look(folder / "deformed.png")
+    return table
+
+
+# --- what each one shows
+
+
+def test_tensile(demo, tmp_path):
+    status, said, _ = demo("tensile.py", "--angle", "all", "--steps", "5", "--ends", "free", "--out", tmp_path)
+    assert status == 0 and ": yes;" in said and said.count("force gone") == 3
+    for angle in 0, 90, 45:
+        table = files(tmp_path / f"blend_{angle}")
+        assert table["force_N"][-1] <= 0 < table["force_N"][4]
+    look(tmp_path / "stress_strain.png")
+
+
+def test_tensile_reload_and_another_mesh(demo, tmp_path):
+    """Reloading comes back to the virgin curve (Figure 7-18)."""
+    mesh = tmp_path / "triangles.geo"
+    mesh.write_text((MESHES / "strip.geo").read_text().replace("triangles = 0", "triangles = 1"))
+    status, said, _ = demo(
+        "tensile.py", "--reload", "--steps", "4", "--mesh", mesh, "--ends", "free", "--out", tmp_path
+    )
+    table = read(tmp_path / "blend_0" / "history.csv")
+    assert status == 0 and ": yes;" in said
+    d, stress = table["displacement_mm"], table["axial_stress_MPa"]
+    assert np.allclose(d[[3, 7, 11]], [13.5, 12.6, 18.0])
+    virgin = fabrics.load("blend").warp.stress(table["axial_strain"]) / 1e6
+    assert stress[7] < 0.4 * stress[3] and np.allclose(stress[8:12], virgin[8:12], rtol=1e-4)
+
+
+@pytest.mark.parametrize("cycle", ["sign", "reload"])
+def test_simple_shear(demo, tmp_path, cycle):
+    status, said, _ = demo("simple_shear.py", "--cycle", cycle, "--steps", "5", "--out", tmp_path)
+    table = files(tmp_path / f"blend_{cycle}")
+    stress, strain = table["shear_stress_MPa"], table["shear_strain_E12"]
+    assert status == 0 and ": yes;" in said
+    assert np.allclose(table["transverse_strain"], 2 * strain**2)
+    virgin = fabrics.load("blend").shear.stress(2 * strain) / 1e6
+    if cycle == "sign":
+        assert np.allclose(stress[:5], virgin[:5])
+        assert stress.min() < 0 and strain[stress.argmin()] == strain.min() == -0.2
+        # the path back begins where the stress has gone, not at zero strain
+        assert stress[np.isclose(strain, 0)][0] < 0 < stress[np.isclose(strain, 0)][1]
+    else:
+        low = 4 + stress[4:].argmin()
+        assert (stress > 0).all() and np.isclose(stress[low], virgin[3:5].max() / 2, rtol=0.2)
+        assert np.isclose(stress[-1], virgin[-1]), "on the virgin curve again"
+
+
+def test_simple_shear_says_where_the_printed_law_stops(demo, tmp_path):
+    status, said, _ = demo("simple_shear.py", "--law", "printed", "--fabric", "muslin", "--out", tmp_path)
+    assert status == 0 and "stopped at load" in said and "not asked of the printed law" in said
+
+
+def test_biaxial(demo, tmp_path):
+    """While both yarns load, S11 is the fitted curve times (1 + nu21)/(1 - nu12 nu21), from (6.11) with dE1 = dE2."""
+    status, said, _ = demo("biaxial.py", "--steps", "6", "--cells", "2", "--out", tmp_path)
+    assert status == 0 and ": yes;" in said
+    look(tmp_path / "stress_strain.png")
+    for name in "blend", "denim":
+        table, fabric = files(tmp_path / name), fabrics.load(name)
+        nu12, nu21 = fabric.poisson["measured"]
+        for yarn, ratio, stress in (fabric.warp, nu21, "axial"), (fabric.weft, nu12, "transverse"):
+            expected = yarn.stress(table["axial_strain"]) * (1 + ratio) / (1 - nu12 * nu21) / 1e6
+            assert np.allclose(table[f"{stress}_stress_MPa"][:6], expected[:6], rtol=1e-8)
+        assert table["displacement_mm"].max() == 30
+        assert max(table["force_N"][-1], table["transverse_force_N"][-1]) <= 0
+
+
+def test_law_steps(demo, tmp_path):
+    status, said, _ = demo("law_steps.py", "--quick", "--out", tmp_path)
+    assert status == 0 and ": yes;" in said and "stopped at" in said
+    look(tmp_path / "error.png")
+    with open(tmp_path / "cycles.csv", newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert [row["law"] for row in rows] == ["continuous", "printed"] * 3
+    assert not any(row["stopped_at_mm"] for row in rows if row["law"] == "continuous")
+    with open(tmp_path / "errors.csv", newline="") as file:
+        errors = [float(row["error_to_fitted_percent"]) for row in csv.DictReader(file) if row["law"] == "printed"]
+    assert np.allclose(errors[:2], [9.72, 4.86], atol=0.01), "muslin along the warp, 10 and 20 steps"
+
+
+# --- the tests of the thesis, with the measured Poisson's ratios
+
+
+@pytest.mark.parametrize("ends", ["free", "clamped"])
+@pytest.mark.parametrize("angle", [0.0, 90.0, 45.0])
+@pytest.mark.parametrize("name", fabrics.names())
+def test_every_cycle_completes(tensile, name, angle, ends):
+    case = tensile.Case(fabrics.load(name), angle, ends=ends)
+    table, peak, stopped = tensile.run(case)
+    assert stopped is None and table.column("force_N")[-1] <= 0
+    if ends == "free" and angle != 45:
+        top = table.rows[peak - 1]
+        assert top["axial_stress_MPa"] == pytest.approx(case.fitted(top["axial_strain"]) / 1e6, rel=0.005)
+    if ends == "clamped" and angle != 45:
+        assert table.column("newton_iterations")[:peak].mean() <= 4
+
+
+@pytest.mark.parametrize("angle", [0.0, 90.0])
+@pytest.mark.parametrize("name", fabrics.names())
+def test_five_steps_are_enough(tensile, name, angle):
+    case = tensile.Case(fabrics.load(name), angle, ends="free", steps=5)
+    table, peak, stopped = tensile.run(case)
+    top = table.rows[peak - 1]
+    assert stopped is None
+    assert top["axial_stress_MPa"] == pytest.approx(case.fitted(top["axial_strain"]) / 1e6, rel=0.005)
+
+
+# --- two ranks
+
+TWICE = """
+import json, runpy, sys
+for words in json.loads(sys.argv[1]):
+    sys.path[0], sys.argv = words[0].rpartition("/")[0], words
+    try:
+        runpy.run_path(words[0], run_name="__main__")
+    except SystemExit as end:
+        assert end.code == 0, words
+"""
+
+
+def test_two_ranks_give_the_same(demo, tmp_path):
+    """To 1e-8 where the demo solves to 1e-10 of the force, to 1e-6 with the 1e-6 of tensile.py."""
+    mpirun = shutil.which("mpirun", path=Path(sys.executable).parent) or shutil.which("mpirun")
+    if mpirun is None:
+        pytest.skip("there is no mpirun")
+    runs = {
+        "tensile.py": (["--angle", "30", "--ends", "clamped", "--steps", "5"], "blend_30", 1e-6),
+        "simple_shear.py": (["--steps", "5"], "blend_sign", 1e-8),
+        "biaxial.py": (["--fabric", "blend", "--steps", "5"], "blend", 1e-8),
+    }
+    commands = [[str(DEMOS / name), *words, "--out", str(tmp_path / "two")] for name, (words, *_) in runs.items()]
+    answer = subprocess.run(
+        [mpirun, "-n", "2", sys.executable, "-c", TWICE, json.dumps(commands)],
+        capture_output=True,
+        text=True,
+        timeout=200,
+        check=False,
+    )
+    assert answer.returncode == 0, answer.stderr
+    assert answer.stdout.count(": yes;") == 3, "said once, by rank 0"
+    for name, (words, folder, tolerance) in runs.items():
+        assert demo(name, *words, "--out", tmp_path / "one")[0] == 0
+        one, two = (read(tmp_path / ranks / folder / "history.csv") for ranks in ("one", "two"))
+        for column in COLUMNS[:6]:
+            scale = np.abs(one[column]).max()
+            assert np.abs(one[column] - two[column]).max() <= tolerance * scale, (name, column)
+        look(tmp_path / "two" / folder / "deformed.png")
+
+
+# --- bad input
+
+
+@pytest.mark.parametrize(
+    ("name", "words", "reason"),
+    [
+        ("tensile.py", "--fabric tweed", "'tweed'"),
+        ("tensile.py", "--angle nan", "nan is not a finite number"),
+        ("tensile.py", "--steps 0", "0 is not a whole number of at least 1"),
+        ("tensile.py", "--steps many", "invalid positive value: 'many'"),
+        ("tensile.py", "--cells 9", "9 is not of the form 9x3"),
+        ("tensile.py", "--ends loose", "invalid choice: 'loose'"),
+        ("tensile.py", "--out {file}/out", "cannot be written"),
+        ("tensile.py", "--mesh {meshes}/square.geo", "no physical group 'fixed_end'"),
+        ("tensile.py", "--mesh {prose}", "prose.msh"),
+        ("tensile.py", "--mesh {file}.msh", "no mesh file"),
+        ("tensile.py", "--fabric {toml}", "thickness_mm = -0.38 is not positive"),
+        ("tensile.py", "--fabric {file}", "TOML"),
+        ("simple_shear.py", "--fabric tweed", "'tweed'"),
+        ("simple_shear.py", "--steps 0", "0 is not a whole number of at least 1"),
+        ("simple_shear.py", "--amplitude nan", "nan is not a finite number"),
+        ("simple_shear.py", "--amplitude 0", "must be a positive shear"),
+        ("simple_shear.py", "--mesh {meshes}/strip.geo", "no physical group 'bottom'"),
+        ("biaxial.py", "--fabric blend tweed", "'tweed'"),
+        ("biaxial.py", "--displacement -1", "must be a positive extension"),
+        ("biaxial.py", "--mesh {meshes}/strip.geo", "no physical group 'left'"),
+        ("law_steps.py", "--fabric tweed", "'tweed'"),
+        ("law_steps.py", "--out {file}", "cannot be written"),
+    ],
+)
+def test_bad_input_is_answered_in_a_sentence(demo, tmp_path, name, words, reason):
+    file, toml = tmp_path / "prose.txt", tmp_path / "bad.toml"
+    file.write_text("This is no mesh, no folder and no fabric.\n")
+    blend = Path(fabrics.__file__).parent / "blend.toml"
+    toml.write_text(blend.read_text().replace("thickness_mm = 0.38", "thickness_mm = -0.38"))
+    prose = shutil.copy(file, tmp_path / "prose.msh")
+    words = words.format(file=file, prose=prose, toml=toml, meshes=MESHES).split()
+    if "--out" not in words:
+        words += ["--out", tmp_path / "out"]
+    status, said, complaint = demo(name, *words)
+    assert status == 2 and ": yes;" not in said and "Traceback" not in complaint
+    *usage, sentence = (line for line in complaint.splitlines() if line.strip() and "step/s" not in line)
+    assert "error: " in sentence and reason in sentence
+    assert not usage or usage[0].startswith("usage: ")
