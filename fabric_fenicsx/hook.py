@@ -15,6 +15,7 @@ from dolfinx import fem, mesh
 from dolfinx_external_operator import FEMExternalOperator, replace_external_operators
 from ufl.algorithms import expand_derivatives
 from ufl.core.expr import Expr
+from ufl.corealg.dag_traverser import DAGTraverser
 from ufl.form import Form
 
 from .errors import InputError
@@ -135,3 +136,17 @@ def derive(residual: Form, u: fem.Function, hooks: tuple[LawHook, ...]) -> tuple
     for hook in hooks:
         hook.adopt(operators)
     return residual, jacobian
+
+
+def forget_traversals() -> None:
+    """Let go of the forms that UFL has worked on, and with them of their meshes.
+
+    Python's `singledispatchmethod` keeps every traverser it was called on, so that a study of many scenes would
+    run out of MPI communicators (2048 in MPICH, 9 a scene).
+    """
+    kinds = [DAGTraverser]
+    for kind in kinds:
+        kinds += kind.__subclasses__()
+        cache = getattr(vars(kind).get("process"), "_method_cache", None)
+        if cache is not None:
+            cache.clear()

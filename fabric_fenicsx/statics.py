@@ -1,7 +1,9 @@
 """Newton's method by PETSc SNES for one load step; `march` and `continuation` go through many."""
 
 import itertools
-from collections.abc import Sequence
+import weakref
+from collections.abc import Callable, Sequence
+from typing import Any
 
 import numpy as np
 from mpi4py import MPI
@@ -14,7 +16,7 @@ from .continuation import Step as Step
 from .continuation import march as march
 from .directors import ShellSpace
 from .errors import StepFailed
-from .hook import LawHook, derive
+from .hook import LawHook, derive, forget_traversals
 
 _prefix = itertools.count()
 
@@ -26,6 +28,12 @@ OPTIONS = {
     "pc_factor_mat_solver_type": "mumps",
 }
 """PETSc options of `StaticSolver` that a user may override."""
+
+
+def _weak(method: Callable[..., Any]) -> Callable[..., Any]:
+    """A callback that does not keep its owner alive: Python cannot see that PETSc's reference closes a cycle."""
+    reference = weakref.WeakMethod(method)
+    return lambda *arguments: reference()(*arguments)  # type: ignore[misc]
 
 
 class StaticSolver:
@@ -88,9 +96,9 @@ class StaticSolver:
         self._targets = self._y.x.array
 
         self.snes = PETSc.SNES().create(self.comm)
-        self.snes.setFunction(self._residual, self._b)
-        self.snes.setJacobian(self._jacobian, self._A)
-        self.snes.setConvergenceTest(self.converged)
+        self.snes.setFunction(_weak(self._residual), self._b)
+        self.snes.setJacobian(_weak(self._jacobian), self._A)
+        self.snes.setConvergenceTest(_weak(self.converged))
         prefix = f"statics{next(_prefix)}_"
         self.snes.setOptionsPrefix(prefix)
         store = PETSc.Options(prefix)
@@ -99,6 +107,7 @@ class StaticSolver:
         self.snes.setFromOptions()
         # a step that ends in NaN would pass for converged where the correction before it was small
         self.snes.setTolerances(stol=0.0)
+        forget_traversals()
 
     def _take(self, x: PETSc.Vec) -> None:
         """Set the unknowns from x."""

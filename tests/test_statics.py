@@ -1,5 +1,8 @@
 """Kinematics, Newton, step cutting and commits on sheets with a known answer."""
 
+import gc
+import weakref
+
 import numpy as np
 import pytest
 import scenes
@@ -13,8 +16,9 @@ from fabric_fenicsx.laws.svk import StVenantKirchhoff
 from fabric_fenicsx.laws.woven import Woven
 
 COMM = MPI.COMM_WORLD
+BLEND = fabrics.load("blend")
 ELASTIC = StVenantKirchhoff([[9e6, 2e6, 0.4e6], [2e6, 5e6, -0.6e6], [0.4e6, -0.6e6, 2e6]])
-LAWS = {"elastic": ELASTIC, "woven": Woven(fabrics.load("blend"))}
+LAWS = {"elastic": ELASTIC, "woven": Woven(BLEND)}
 STRETCH = np.array([[0.11, 0.04], [-0.02, 0.07]])
 
 
@@ -86,7 +90,7 @@ def uneven(law, **options):
 
 @pytest.mark.parallel
 def test_a_failed_step_leaves_no_trace_and_its_halves_agree_with_a_clean_run():
-    law = Woven(fabrics.load("blend"))
+    law = Woven(BLEND)
     scene, clean = uneven(law), uneven(law)
     for each in (scene, clean):
         each.pull(0.02)
@@ -253,3 +257,14 @@ def test_creeping_up_to_where_the_law_ends_is_not_taken_for_convergence(search):
     draw(1e6)
     with pytest.raises(StepFailed):
         solver.solve()
+
+
+def test_a_solver_that_is_dropped_frees_its_mesh():
+    # 9 communicators a scene would end a study after about 200 of them
+    meshes = []
+    for _ in range(2):
+        u, *scene = scenes.clamped(MPI.COMM_SELF, BLEND, LAWS["woven"])
+        meshes.append(weakref.ref(u.function_space.mesh))
+        del u, scene
+    gc.collect()
+    assert meshes[0]() is None

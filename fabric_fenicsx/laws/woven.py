@@ -100,7 +100,8 @@ def beyond_calibration(fabric: "Fabric", strain: Array) -> str | None:
         (fabric.warp, fabric.weft, fabric.shear),
         strict=True,
     ):
-        if value > curve.limit:
+        # what a test reaches in exact arithmetic is not beyond it
+        if value > curve.limit * (1 + 1e-9):
             return (
                 f"{fabric.name}: {name} = {value:.3f} is beyond the measured {curve.limit:.3f}; "
                 "from there on the curve is continued by its tangent."
