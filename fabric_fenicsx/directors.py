@@ -14,6 +14,7 @@ interpolated, as in Chapter 5: strains do not change when the whole shell turns.
 import basix.ufl
 import numpy as np
 import ufl
+from mpi4py import MPI
 from dolfinx import fem, la, mesh
 from petsc4py import PETSc
 
@@ -30,10 +31,13 @@ ELEMENTS = {
 
 "regge" is the default on triangles, quadratic in displacement, with directors at the middles of the edges;
 "p2cr1" is the same with the strain of the displacement itself, which locks. "mitc4" is the default on
-quadrilaterals, bilinear, with assumed shear and membrane strains (see `assumed_strain`); "q1", the
-thesis's element, takes the strains of the displacement, transverse shear at one point: it locks on skewed
-meshes.
+quadrilaterals, bilinear, with assumed shear and membrane strains (see `assumed_strain`). "q1" is the
+thesis's element, with the strains of the displacement and transverse shear at one point: it locks on skewed
+meshes, and two patterns of a sheet cost it no energy (in one, nodes go up and down by turns).
 """
+
+ASKEW = 0.3
+"""Sine of the angle by which a normal may miss its plane of symmetry; half the turn of the surface within a cell."""
 
 DEGREE = 2
 """Of the quadrature rule on which strains and law of a shell are taken."""
@@ -48,7 +52,8 @@ class ShellSpace:
     element: a name in `ELEMENTS`, by default the first for the cells of the mesh. dx, dx_shear: measures of
     its strains and of its transverse shear.
 
-    Raises InputError, on every rank, for a mesh that is not a surface in space, or another cell.
+    Raises InputError, on every rank, for a mesh that is not a surface in space, another cell, cells that
+    are more curved than the element can turn, or neighbours with opposite normals.
     """
 
     def __init__(self, domain: mesh.Mesh, element: str | None = None) -> None:
@@ -60,10 +65,18 @@ class ShellSpace:
         if self.element not in fitting:
             raise InputError(f"Element {element!r} is not one for {cell.name}s, which are: {', '.join(fitting)}.")
         _, (u_family, u_degree), (d_family, d_degree), self.shear_degree = ELEMENTS[self.element]
+        if domain.geometry.cmaps[0].degree > u_degree:
+            # no displacement would turn the sheet as a whole
+            raise InputError(f"Element {self.element!r} needs cells of order {u_degree} at most; mesh in that order.")
         self.dx, self.dx_shear = (
             ufl.Measure("dx", domain, metadata={"quadrature_degree": degree, "quadrature_scheme": "default"})
             for degree in (DEGREE, self.shear_degree)
         )
+        if self.shear_degree == 1:
+            # a kernel of its own: in one with another rule, FFCx 0.11 takes what it computes for a single point as
+            # constant in the cell, and uses it at the points of the other rule too
+            cells = np.arange(domain.topology.index_map(2).size_local, dtype=np.int32)
+            self.dx_shear = self.dx_shear(subdomain_data=[(1, cells)], subdomain_id=1)
         displacement = basix.ufl.element(u_family, cell, u_degree, shape=(3,))
         director, angles = (basix.ufl.element(d_family, cell, d_degree, shape=(n,)) for n in (3, 2))
         self.mesh = domain
@@ -81,7 +94,9 @@ class ShellSpace:
         """Unknowns of each local node: of its director in V, of its angles in W."""
         self._owned = self._d[:, 0] < self.V.dofmap.index_map.size_local
 
-        self.normal = fem.Function(self.V.sub(1).collapse()[0], name="normal")
+        directors, in_v = self.V.sub(1).collapse()
+        self.normal = fem.Function(directors, name="normal")
+        self._in_v = in_v[0]
         self._start = self._normals()
         self.frame = _frames(self._start)
         """(e1, e2, d0) of each node at the last commit, shape (nodes, 3, 3), rows the vectors."""
@@ -101,15 +116,19 @@ class ShellSpace:
         points = space.element.interpolation_points
         rule = {"quadrature_rule": "custom", "quadrature_points": points, "quadrature_weights": np.ones(len(points))}
         # at its own node a basis function is 1, and at the others 0
-        n = ufl.inner(ufl.CellNormal(self.mesh), ufl.TestFunction(space))
+        n = ufl.inner(ufl.CellNormal(self.mesh), ufl.TestFunction(space)) / ufl.JacobianDeterminant(self.mesh)
         sums = fem.assemble_vector(fem.form(n * ufl.dx(metadata=rule | {"quadrature_degree": 1})))
         sums.scatter_reverse(la.InsertMode.add)
         sums.scatter_forward()
-        self.normal.x.array[:] = _unit(sums.array.reshape(-1, 3)).ravel()
-        q = fem.Function(self.V)
-        q.sub(1).interpolate(self.normal)
-        q.x.scatter_forward()
-        return _unit(q.x.array[self._d])
+        sums = sums.array.reshape(-1, 3)
+        # two cells of opposite orientation cancel out
+        opposed = (np.linalg.norm(sums, axis=1) < 1e-3).any()
+        if self.mesh.comm.allreduce(bool(opposed), MPI.LOR):
+            raise InputError("The normals of neighbouring cells are opposite: orient all cells of the sheet alike.")
+        self.normal.x.array[:] = _unit(sums).ravel()
+        values = fem.Function(self.V).x.array
+        values[self._in_v] = self.normal.x.array
+        return values[self._d]
 
     def _transformation(self) -> PETSc.Mat:
         """The matrix d(u, d)/d(u, theta), V rows by W columns; `turn` fills in the directors' part."""

@@ -264,3 +264,19 @@ def test_bad_input_is_answered_in_a_sentence(demo, tmp_path, name, words, reason
     *usage, sentence = (line for line in complaint.splitlines() if line.strip() and "step/s" not in line)
     assert "error: " in sentence and reason in sentence
     assert not usage or usage[0].startswith("usage: ")
+
+
+@pytest.mark.parametrize("angle", ["0", "45"])
+def test_the_flat_strip_is_the_same_at_all_levels_of_kinematics(angle, monkeypatch):
+    monkeypatch.syspath_prepend(DEMOS)
+    import tensile
+
+    forces = []
+    for level in ("plane", "membrane", "shell"):
+        case = tensile.Case(fabrics.load("blend"), float(angle), steps=6, kinematics=level)
+        scene = tensile.strip(case)
+        scene[1].rtol = 1e-10
+        forces.append(tensile.run(case, scene=scene)[0].column("force_N"))
+    assert len(forces[0]) > 6
+    for other in forces[1:]:
+        assert np.allclose(other, forces[0], rtol=1e-8, atol=1e-8 * forces[0].max())
