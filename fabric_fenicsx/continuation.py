@@ -1,6 +1,7 @@
 """Ways through many loads: the march from one to the next, and arc length, which follows where loads must fall."""
 
 import itertools
+import math
 import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
@@ -100,7 +101,7 @@ def arc_length(
     first: float,
     start: float = 0.0,
     wanted: int = 4,
-    longest: float = np.inf,
+    longest: float = math.inf,
     smallest: float = 1 / 256,
     most: int = 15,
 ) -> Iterator[Step]:
@@ -108,23 +109,26 @@ def arc_length(
 
     `set_load(load)` puts a load into the scene: forces, or Dirichlet values, that are linear in it. The first
     step goes from `start` to `start + first`. A later one has a given length, the root mean square over the
-    nodes of the change of displacement, in m, and its load is unknown; it sets out where the last one
-    pointed. Its length grows or shrinks towards `wanted` Newton iterations, up to `longest`. A step that
-    fails, or takes more than `most`, is restored and halved; below `smallest` of the first StepFailed is
-    raised, on every rank, with the last good state in place. Leave the loop to stop.
+    nodes of the change of displacement, in m, and its load is unknown; it sets out along the parabola
+    through the last states. Its length grows or shrinks towards `wanted` Newton iterations, up to `longest`.
+    A step that fails, or takes more than `most`, is restored and halved; below `smallest` of the first
+    StepFailed is raised, on every rank, with the last good state in place. Leave the loop to stop.
 
     The length is that of Crisfield's cylinder (1981, doi 10.1016/0045-7949(81)90108-5), without the angles of a
     shell, but Newton's method meets it along with equilibrium: two solves with one factorisation.
     Hooks and directors are committed once a step, before it is yielded.
 
     Measured on the thin roof of `demos/snap_through.py`: 3.2 factorisations a step, as many as with Crisfield's
-    quadratic equation, between whose roots one would have to choose, and 3.5 if a step sets out along the
-    tangent. SNESNEWTONAL of PETSc 3.25 takes 3.3, but goes the whole way in one solve, where nothing
-    can be committed or cut, by steps of one length: ten times too long a one jumps, or never arrives.
+    quadratic equation, between whose roots one would have to choose. To set out along the tangent takes one
+    more; along the last step, half as many in this roof, but twice as many to roll up a thin strip.
+    SNESNEWTONAL of PETSc 3.25 takes 3.3, but goes the whole way in one solve, where nothing can be
+    committed or cut, by steps of one length: ten times too long a one jumps, or never arrives.
     """
     if not (np.isfinite(first) and first != 0.0):
         raise InputError(f"The first load of a path must be a number other than 0, not {first!r}.")
-    load, way = float(start), None
+    load = float(start)
+    way: _Way | None = None
+    before: _Way | None = None
     # length of a step: that of the whole first one, m, times part
     whole, part = 0.0, 1.0
     for number in itertools.count(1):
@@ -132,10 +136,10 @@ def arc_length(
         while True:
             try:
                 if way is None:
-                    way = _first_step(solver, set_load, load, part * first)
-                    whole = way.length / part
+                    new = _first_step(solver, set_load, load, part * first)
+                    whole = new.length / part
                 else:
-                    way = _next_step(solver, set_load, load, first, way, part * whole, most)
+                    new = _next_step(solver, set_load, load, first, _ahead(way, before, part * whole), most)
                 break
             except StepFailed as error:
                 cuts, part = cuts + 1, part / 2
@@ -147,20 +151,35 @@ def arc_length(
                         f"{error}. A shorter first step, or a smoother load, may help."
                     ) from None
         solver.commit()
+        before, way = way, new
         load += way.rise
         yield Step(number, load, iterations + way.iterations, cuts, time.perf_counter() - clock)
-        part *= min(2.0, max(0.5, np.sqrt(wanted / max(1, way.iterations))))
+        part *= min(2.0, max(0.5, math.sqrt(wanted / max(1, way.iterations))))
         part = min(part, longest / whole)
 
 
 @dataclass(frozen=True)
 class _Way:
-    """A step along a path: change of the unknowns and its length (m), change of the load, iterations."""
+    """A step along a path: its length (m), change of the unknowns, change of the load, iterations."""
 
-    change: Any
     length: float
+    change: Any
     rise: float
-    iterations: int
+    iterations: int = 0
+
+
+def _ahead(last: _Way, before: _Way | None, length: float) -> _Way:
+    """The last step, or the parabola through the last two, gone on by a length.
+
+    Angles of a shell are from the last commit, which carries its frames along: their changes go on as they are.
+    """
+    a, b = length / last.length, 0.0
+    change, rise = last.change * a, last.rise * a
+    if before is not None:
+        bend = length * (length + last.length) / (last.length + before.length)
+        a, b = bend / last.length, bend / before.length
+        change, rise = change + last.change * a - before.change * b, rise + last.rise * a - before.rise * b
+    return _Way(length, change, rise)
 
 
 def _product(solver: Solver, a: Any, b: Any) -> float:
@@ -176,22 +195,16 @@ def _first_step(solver: Solver, set_load: Callable[[float], None], load: float, 
     set_load(load + rise)
     iterations = solver.solve()
     change = solver.begin() - start
-    length = np.sqrt(_product(solver, change, change))
+    length = math.sqrt(_product(solver, change, change))
     if length == 0.0:
         raise InputError("The load moves nothing: a path cannot start.")
-    return _Way(change, length, rise, iterations)
+    return _Way(length, change, rise, iterations)
 
 
 def _next_step(
-    solver: Solver,
-    set_load: Callable[[float], None],
-    load: float,
-    unit: float,
-    last: _Way,
-    length: float,
-    most: int,
+    solver: Solver, set_load: Callable[[float], None], load: float, unit: float, guess: _Way, most: int
 ) -> _Way:
-    """To a given length, by Newton's method for unknowns and load. `unit`: a difference of loads."""
+    """As long as the guess, by Newton's method for unknowns and load. `unit`: a difference of loads."""
 
     def put(value: float) -> None:
         set_load(value)
@@ -199,8 +212,7 @@ def _next_step(
 
     x = solver.begin()
     start, by_residual, by_load, slope = x.copy(), x.duplicate(), x.duplicate(), x.duplicate()
-    rise, change = last.rise * length / last.length, last.change * (length / last.length)
-    correction = np.inf
+    length, change, rise, correction = guess.length, guess.change.copy(), guess.rise, math.inf
     for iteration in range(most + 1):
         start.copy(x)
         x.axpy(1.0, change)
@@ -208,8 +220,8 @@ def _next_step(
         residual = solver.residual(x)
         norm = residual.norm()
         if solver.converged(None, iteration, (x.norm(), correction, norm)) is not None:
-            if _product(solver, change, last.change) > 0.0:
-                return _Way(change, length, rise, iteration)
+            if _product(solver, change, guess.change) > 0.0:
+                return _Way(length, change, rise, iteration)
             raise solver.failure("the path turned back")
         if not np.isfinite(norm):
             raise solver.failure("residual is not a number")
@@ -221,8 +233,10 @@ def _next_step(
         ksp.solve(residual, by_residual)
         ksp.solve(slope, by_load)
         # x moves by -by_residual - more by_load, so that |change| becomes `length`, linearly
-        gap = (_product(solver, change, change) - length**2) / 2 - _product(solver, change, by_residual)
-        more = gap / _product(solver, change, by_load)
+        moved = _product(solver, change, by_load)
+        if ksp.getConvergedReason() < 0 or moved == 0.0:
+            raise solver.failure("Jacobian is singular")
+        more = ((_product(solver, change, change) - length**2) / 2 - _product(solver, change, by_residual)) / moved
         by_residual.axpy(more, by_load)
         change.axpy(-1.0, by_residual)
         rise += more * unit

@@ -187,7 +187,7 @@ class ShellSpace:
         (a corner). Called once, before the first step: it lays the frames along those axes, and the
         reference directors into those planes, which a mesh meets only nearly.
 
-        Raises InputError where one component is given and the director is far from that plane.
+        Raises InputError, on every rank, where the director is further from that plane than `ASKEW`.
         """
         given = np.zeros(len(self.function().x.array), dtype=bool)
         for bc in bcs:
@@ -196,14 +196,15 @@ class ShellSpace:
         count = which.sum(axis=1)
         partly = np.flatnonzero((count == 1) | (count == 2))
         d = self.frame[partly, 2]
-        if (np.abs(d[which[partly]]) > 0.3).any():
+        astray = bool((np.abs(d[which[partly]]) > ASKEW).any())
+        if self.mesh.comm.allreduce(astray, MPI.LOR):
             raise InputError("A director is held in a plane (one component given) that it does not lie in.")
         axes = np.eye(3)[which[partly].argmax(axis=1)]
         d0 = _unit(np.where(which[partly], 0.0, d))
         self.frame[partly] = np.stack([axes, np.cross(d0, axes), d0], axis=1)
         # strains are measured from `normal`: it must be the directors' start, else the shell is stressed at rest
         self._start[partly] = d0
-        self.normal.x.array[:] = self.function().sub(1).collapse().x.array
+        self.normal.x.array[:] = self.function().x.array[self._in_v]
         size = self.W.dofmap.index_map.size_local
         moved = self._u[given[self._u[:, 0]], 1]
         fixed = np.concatenate([moved, self._theta[count >= 2].ravel(), self._theta[count == 1, 0]])

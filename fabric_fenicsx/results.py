@@ -120,10 +120,18 @@ def can_draw() -> str | None:
     )
 
 
-def picture(path: Path, u: fem.Function, cell_values: np.ndarray, label: str, title: str = "") -> None:
+def picture(
+    path: Path,
+    u: fem.Function,
+    cell_values: np.ndarray,
+    label: str,
+    title: str = "",
+    view: tuple[float, float, float] = (1.0, -2.0, 1.2),
+) -> None:
     """Draw the deformed sheet, coloured by one value for each local cell, over its undeformed outline.
 
-    To be called on every rank; rank 0 draws. `label` names the value with its unit.
+    To be called on every rank; rank 0 draws. `label` names the value with its unit. view: the direction
+    from the middle of a sheet in space to the eye; z is up.
     """
     space = u.function_space
     domain = space.mesh
@@ -147,10 +155,10 @@ def picture(path: Path, u: fem.Function, cell_values: np.ndarray, label: str, ti
     # VTK takes no empty part; a rank may be without cells
     for topology, kinds, points, moved, values in (part for part in parts if len(part[-1])):
         grid = pyvista.UnstructuredGrid(topology, kinds, points)
-        grid["displacement"], grid.cell_data[label] = moved, values
+        grid["moved"], grid.cell_data[label] = moved, values
         blocks.append(grid)
     grid = blocks[0] if len(blocks) == 1 else pyvista.merge(blocks, merge_points=True)
-    deformed = grid.warp_by_vector("displacement")
+    deformed = grid.warp_by_vector("moved")
     low, high = deformed.get_data_range(label)
     if high - low <= 1e-6 * max(abs(low), abs(high)):
         # a uniform value: without zero in the range, colours would show round-off
@@ -167,16 +175,27 @@ def picture(path: Path, u: fem.Function, cell_values: np.ndarray, label: str, ti
     if dim == 2:
         outline.translate((0.0, 0.0, 0.01 * max(width, height)), inplace=True)  # nothing may hide it
     plotter.add_mesh(outline, color="black", line_width=2)
-    plotter.add_mesh(
+    edges: dict[str, Any] = {"show_edges": True, "edge_color": "white"}
+    if dim == 3:
+        # on the curved cells themselves, and thin: a dense mesh must not hide the colours
+        edges = {"smooth_shading": True, "ambient": 0.3, "specular": 0.1}
+        lines = deformed.extract_all_edges()
+        deformed = deformed.extract_surface(nonlinear_subdivision=3, algorithm="dataset_surface")
+        plotter.add_mesh(lines, color="black", line_width=1, opacity=0.25)
+        rim = deformed.extract_feature_edges(feature_edges=False, manifold_edges=False)
+        plotter.add_mesh(rim, color="black", line_width=1)
+    actor = plotter.add_mesh(
         deformed,
         scalars=label,
         cmap="viridis",
         clim=(low, high),
-        show_edges=True,
-        edge_color="white",
         show_scalar_bar=False,
         lighting=dim == 3,  # it would darken the colours of a flat sheet
+        **edges,
     )
+    # behind the lines that lie in it
+    actor.mapper.SetResolveCoincidentTopologyToPolygonOffset()
+    actor.mapper.SetRelativeCoincidentTopologyPolygonOffsetParameters(2.0, 2.0)
     bar = {"color": "black", "fmt": "%.3g", "n_labels": 5, "label_font_size": 20}
     bar |= {"position_x": 0.35, "width": 0.6, "position_y": 15 / size[1], "height": 75 / size[1]}
     plotter.add_scalar_bar(title=" ", **bar)
@@ -191,6 +210,7 @@ def picture(path: Path, u: fem.Function, cell_values: np.ndarray, label: str, ti
         plotter.camera.position = middle + [0.0, 0.0, max(width, height)]
         plotter.camera.parallel_scale = size[1] * pixel / 2
     else:
-        plotter.view_isometric()
+        plotter.view_vector(view, viewup=(0, 0, 1))
+        plotter.camera.SetWindowCenter(0.0, -(below - above) / size[1])
     plotter.screenshot(path)
     plotter.close()

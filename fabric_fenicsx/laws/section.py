@@ -27,31 +27,31 @@ class Section:
         self.law, self.thickness = law, thickness
         self.heights, self._weights = points * thickness / 2, weights * thickness / 2
         self._powers = self.heights[:, None] ** np.arange(3 if quadratic else 2)
+        self._moments = self._weights * self.heights ** np.arange(5 if quadratic else 3)[:, None]
         self.initial_state = np.tile(law.initial_state, layers)
         self.symmetric = law.symmetric
+        self._scratch: tuple[Array, ...] = (np.empty((0, 3)), np.empty((0, 3)), np.empty((0, 3, 3)))
 
     def respond(
         self, strain: Array, state: Array, out: tuple[Array, Array, Array] | None = None
     ) -> tuple[Array, Array, Array]:
         """Resultants (n, m), tangent (n, m, m) and new state, m being 6 or 9; see `laws.Law.respond`."""
         n, m = strain.shape
-        layers, powers = self._powers.shape
+        layers = len(self._powers)
         if out is None:
-            out = np.empty((n, m)), np.empty((n, m, m)), np.empty_like(state)
+            out = np.empty((n, m)), np.empty((n, m, m)), np.empty(state.shape)
         resultants, tangent, new = out
-        own = (n * layers, -1) if self.law.initial_state.size else (n * layers, 0)
-        parts = strain.reshape(n, powers, 3)
-        layer_strain = np.einsum("lp,npc->nlc", self._powers, parts).reshape(-1, 3)
-        stress, stiffness, changed = self.law.respond(layer_strain, np.ascontiguousarray(state).reshape(own))
-        new[:] = changed.reshape(n, -1)
-        _integrate(
-            stress.reshape(n, layers, 3),
-            stiffness.reshape(n, layers, 3, 3),
-            self._weights,
-            self._powers,
-            resultants.reshape(n, powers, 3),
-            tangent.reshape(n, powers, 3, powers, 3),
-        )
+        if len(self._scratch[0]) != n * layers:
+            # strain, stress and tangent of the layers: room that is kept, nothing that is remembered
+            self._scratch = tuple(np.empty((n * layers, *shape)) for shape in ((3,), (3,), (3, 3)))
+        layer_strain, stress, stiffness = self._scratch
+        _spread(np.ascontiguousarray(strain), self._powers, layer_strain)
+        own = (n * layers, self.law.initial_state.size)
+        changed = new.reshape(own)
+        self.law.respond(layer_strain, state.reshape(own), (stress, stiffness, changed))
+        if not np.may_share_memory(changed, new):  # `new` is not in one piece
+            new[:] = changed.reshape(new.shape)
+        _integrate(stress, stiffness.reshape(-1, 9), self._moments, resultants, tangent)
         return out
 
     def elastic(self, stiffness: Array) -> Array:
@@ -61,18 +61,36 @@ class Section:
 
 
 @numba.njit(cache=True, error_model="numpy")
-def _integrate(stress, stiffness, weights, powers, resultants, tangent):
-    """Sum the layers with their powers of z into resultants and tangent."""
-    resultants[:] = 0.0
-    tangent[:] = 0.0
-    for i in range(stress.shape[0]):
-        for layer in range(stress.shape[1]):
-            for p in range(powers.shape[1]):
-                wp = weights[layer] * powers[layer, p]
+def _spread(strain, powers, layer_strain):
+    """Strain of each layer: the sum of the parts of `strain` with their powers of z."""
+    layers = powers.shape[0]
+    for i in range(strain.shape[0]):
+        for layer in range(layers):
+            for a in range(3):
+                total = strain[i, a]
+                for p in range(1, powers.shape[1]):
+                    total += powers[layer, p] * strain[i, 3 * p + a]
+                layer_strain[i * layers + layer, a] = total
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _integrate(stress, stiffness, moments, resultants, tangent):
+    """Sum the layers: resultants p from the moment p of stress, tangent (p, q) from the moment p + q of stiffness."""
+    layers, powers = moments.shape[1], resultants.shape[1] // 3
+    sums = np.empty(9)
+    for i in range(resultants.shape[0]):
+        for k in range(moments.shape[0]):
+            sums[:] = 0.0
+            for layer in range(layers):
+                for j in range(9):
+                    sums[j] += moments[k, layer] * stiffness[i * layers + layer, j]
+            for p in range(max(0, k - powers + 1), min(k, powers - 1) + 1):
                 for a in range(3):
-                    resultants[i, p, a] += wp * stress[i, layer, a]
-                for q in range(powers.shape[1]):
-                    wpq = wp * powers[layer, q]
-                    for a in range(3):
-                        for b in range(3):
-                            tangent[i, p, a, q, b] += wpq * stiffness[i, layer, a, b]
+                    for b in range(3):
+                        tangent[i, 3 * p + a, 3 * (k - p) + b] = sums[3 * a + b]
+        for p in range(powers):
+            for a in range(3):
+                total = 0.0
+                for layer in range(layers):
+                    total += moments[p, layer] * stress[i * layers + layer, a]
+                resultants[i, 3 * p + a] = total
