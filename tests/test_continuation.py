@@ -184,7 +184,7 @@ def test_the_hinged_roof_snaps_back_the_same_on_any_number_of_ranks():
 @pytest.mark.parallel
 def test_directors_are_committed_on_the_way_round_a_full_turn():
     """A strip that its end moment rolls up: M L / EI is the angle, whatever steps are taken."""
-    domain = meshing.read(scenes.MESHES / "strip.geo", COMM, length=10.0, width=1.0, nx=20, ny=1, triangles=1)
+    domain = meshing.read(scenes.MESHES / "strip.geo", COMM, length=10.0, width=1.0, nx=30, ny=2, triangles=1)
     space = directors.ShellSpace(domain.mesh)
     q = space.function()
     (_, d), (_, delta) = ufl.split(q), ufl.TestFunctions(space.V)

@@ -1,0 +1,209 @@
+"""Hinged roofs that snap through under a load at the middle, followed by arc length (Sze, Liu and Lo 2004, 3.8).
+
+A shallow cylindrical panel with hinged straight edges and free curved ones. The thick roof's load falls and
+rises again; the thin one's deflection goes back as well, so that neither load nor displacement could
+be prescribed. A quarter is computed, with its two planes of symmetry.
+
+The checked numbers: the largest load of the first rise within 1 % of the published one; all points of the
+published table within 1 % of the path (of 3000 N and of the table's largest deflection); supports in
+balance with the load.
+"""
+
+from mpi4py import MPI  # isort: skip  (first, as in every DOLFINx script: it loads the MPI library)
+
+import argparse
+import csv
+from pathlib import Path
+
+import numpy as np
+import ufl
+from dolfinx import fem
+from scipy.interpolate import CubicSpline
+
+from fabric_fenicsx import assumed_strain, command, continuation, directors, meshing, results, statics, supports
+from fabric_fenicsx import weakform as wf
+from fabric_fenicsx.errors import StepFailed
+from fabric_fenicsx.laws.svk import StVenantKirchhoff
+
+HERE = Path(__file__).parent
+RADIUS, LENGTH, ANGLE = 2.54, 0.254, 0.1  # m, half length in m, half angle in radians
+E, NU = 3102.75e6, 0.3
+HIGHEST = 3000.0  # N, where the table ends
+FIRST = {12.7: 100.0, 6.35: 50.0}  # thickness in mm -> N of the first step
+
+
+def published(thickness_mm):
+    """Load (N) and deflection (mm) of the published table."""
+    with open(HERE.parent / "tests" / "data" / f"sze2004_3.8_hinged_roof_{thickness_mm:g}mm.csv") as file:
+        rows = list(csv.DictReader(line for line in file if not line.startswith("#")))
+    return np.array([[HIGHEST * float(row["P_over_Pmax"]), float(row["minus_W_C"])] for row in rows])
+
+
+class Roof:
+    """A quarter of the roof: its unknown q = (u, d), solver, load, and what is read off."""
+
+    def __init__(self, thickness, cells, element=None, comm=MPI.COMM_WORLD):
+        kind, (_, degree), *_ = directors.ELEMENTS[element or "regge"]
+        self.domain = domain = meshing.read(
+            HERE.parent / "meshes" / "cylinder.geo", comm, radius=RADIUS, length=LENGTH, angle=np.degrees(ANGLE),
+            nx=cells, ny=cells, order=degree, triangles=int(kind == "triangle"),
+        )  # fmt: skip
+        self.space = space = directors.ShellSpace(domain.mesh, element)
+        self.q, test = space.function(), ufl.TestFunction(space.V)
+        strain, shear = assumed_strain.shell_strains(space, self.q, (0, 1, 0))
+        plane, G = StVenantKirchhoff.isotropic(E, NU).stiffness, E / 2 / (1 + NU)
+        section = np.kron(np.diag([thickness, thickness**3 / 12]), plane)
+        stress = wf.elastic_stress(domain.mesh, section, strain)
+        shear_stress = ufl.dot(wf.shear_stiffness(domain.mesh, (G, G), thickness), shear)
+
+        self._load = fem.Constant(domain.mesh, (0.0, 0.0, 0.0))
+        v, _ = ufl.split(test)
+        residual = (
+            wf.internal(stress, strain, self.q, test, 1.0, space.dx)
+            + wf.internal(shear_stress, shear, self.q, test, 1.0, space.dx_shear)
+            - wf.point_force(self._load, v, supports.over(domain, "A", degree=1))
+        )
+        bcs = (
+            supports.hinge(domain, space, "side")
+            + supports.symmetry(domain, space, "top", axis=0)
+            + supports.symmetry(domain, space, "middle", axis=1)
+        )
+        self.solver = statics.StaticSolver(residual, self.q, bcs, space=space)
+        self._loaded, self._held = (supports.unknowns(domain, space, name, 2) for name in ("A", "side"))
+
+    def put(self, load):
+        """Load of the whole roof in N."""
+        self._load.value[2] = -load / 4
+
+    def deflection(self):
+        """Under the load, m; to be called on every rank."""
+        owned = self._loaded[self._loaded < self.space.V.dofmap.index_map.size_local]
+        return -self.solver.comm.allreduce(self.q.x.array[owned].sum())
+
+    def support(self):
+        """Upward force of the supports of the whole roof, N."""
+        return 4 * self.solver.reaction(self._held)
+
+    def picture(self, path, title):
+        """Draw the quarter, coloured by its deflection."""
+        u = self.q.sub(0).collapse()
+        deflection = fem.Function(fem.functionspace(u.function_space.mesh, ("DG", 0)))
+        deflection.interpolate(fem.Expression(-1e3 * u[2], deflection.function_space.element.interpolation_points))
+        results.picture(path, u, deflection.x.array, "deflection, mm", title)
+
+
+def run(roof, first, out=None, longest=4e-4, steps=500):
+    """Follow the path until the load is beyond the table; its table, and what stopped it (None, or a sentence)."""
+    with results.Table(out and out / "history.csv", roof.solver.comm) as table:
+        try:
+            for step in continuation.arc_length(roof.solver, roof.put, first, longest=longest):
+                table.row(
+                    step=step.number,
+                    load_N=step.load,
+                    deflection_mm=1e3 * roof.deflection(),
+                    support_N=roof.support(),
+                    newton_iterations=step.newton_iterations,
+                    step_cuts=step.step_cuts,
+                    wall_s=step.wall_s,
+                )
+                if step.load >= HIGHEST or step.number == steps:
+                    break
+        except StepFailed as error:
+            return table, str(error)
+        if out:
+            roof.picture(out / "deformed.png", f"snapped through, {step.load:.0f} N")
+    return table, None if step.load >= HIGHEST else f"{steps} steps were not enough"
+
+
+def limit(load):
+    """Largest load of the first rise."""
+    falls = np.flatnonzero(np.diff(load) < 0)
+    return load[falls[0]] if len(falls) else load[-1]
+
+
+def smooth(path):
+    """The path between its steps, too: rows of load (N) and deflection (mm) on a cubic spline."""
+    scaled = path / np.ptp(path, axis=0)
+    along = np.insert(np.cumsum(np.linalg.norm(np.diff(scaled, axis=0), axis=1)), 0, 0.0)
+    return CubicSpline(along, path)(np.linspace(0.0, along[-1], 100 * len(path)))
+
+
+def farthest(path, reference):
+    """Largest distance of the points of the reference from the path, as far as it goes.
+
+    Both are rows of load and deflection; in fractions of `HIGHEST` and of the largest deflection of the reference.
+    """
+    scale = np.array([HIGHEST, reference[:, 1].max()])
+    points = reference[reference[:, 0] <= path[-1, 0]]
+    return max(np.linalg.norm((path - point) / scale, axis=1).min() for point in points)
+
+
+def plot(path, runs):
+    """Load against deflection of some (thickness, rows), with the published tables."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(8, 5.5), layout="constrained")
+    axes = figure.subplots()
+    for k, (thickness, rows) in enumerate(runs):
+        axes.plot(rows[:, 1], rows[:, 0], ".-", color=f"C{k}", ms=3, label=f"{thickness:g} mm, arc length")
+        reference = published(thickness)
+        axes.plot(reference[:, 1], reference[:, 0], "o", color=f"C{k}", mfc="none", label="Sze, Liu and Lo 2004")
+    axes.axhline(0.0, color="black", lw=0.8)
+    axes.set(title="Hinged roof under a load at its middle", xlabel="deflection under the load, mm", ylabel="load, N")
+    axes.grid(alpha=0.3)
+    axes.legend()
+    figure.savefig(path, dpi=150)
+
+
+def thicknesses(text):
+    """One of the published thicknesses in mm, or all of them."""
+    chosen = [h for h in FIRST if text in ("all", f"{h:g}")]
+    if not chosen:
+        raise argparse.ArgumentTypeError(f"{text} is none of {', '.join(map(str, FIRST))} and not all")
+    return chosen
+
+
+def arguments():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.ArgumentDefaultsHelpFormatter)
+    parser.add_argument("--thickness", type=thicknesses, default="all", help="mm: 12.7, 6.35 or all")
+    parser.add_argument("--cells", type=command.positive, default=16, help="along each side of the quarter")
+    parser.add_argument("--element", choices=directors.ELEMENTS, help="the default is that of triangles")
+    parser.add_argument(
+        "--longest", type=command.number, default=0.4, help="longest step in mm; the check needs short ones"
+    )
+    parser.add_argument("--out", type=Path, default=Path("out/snap_through"))
+    return command.parse(parser)
+
+
+def main():
+    args, comm, runs, right = arguments(), MPI.COMM_WORLD, [], True
+    out = results.folder(args.out)
+    command.say(f"{'mm':>6s}{'limit N':>9s}{'published':>10s}{'%':>7s}{'lowest N':>9s}{'table %':>8s}{'steps':>6s}"
+                f"{'its':>5s}{'cuts':>5s}{'s':>8s}")  # fmt: skip
+    for thickness in args.thickness:
+        folder = results.folder(out / f"{thickness:g}mm")
+        roof = Roof(thickness * 1e-3, args.cells, args.element, comm)
+        table, stopped = run(roof, FIRST[thickness], folder, args.longest * 1e-3)
+        load, deflection, its, cuts, wall = (
+            table.column(name) for name in ("load_N", "deflection_mm", "newton_iterations", "step_cuts", "wall_s")
+        )
+        rows, known = np.vstack([[0.0, 0.0], np.column_stack([load, deflection])]), published(thickness)
+        curve = smooth(rows)
+        top, expected, distance = limit(curve[:, 0]), limit(known[:, 0]), farthest(curve, known)
+        lowest, error = curve[np.argmax(np.diff(curve[:, 0]) < 0) :, 0].min(), top / expected - 1
+        balanced = np.abs(table.column("support_N") - load).max() <= 1e-5 * HIGHEST
+        command.say(f"{thickness:6g}{top:9.1f}{expected:10.1f}{error * 100:7.2f}{lowest:9.1f}{distance * 100:8.2f}"
+                    f"{len(load):6d}{its.sum():5.0f}{cuts.sum():5.0f}{wall.sum():8.1f}")  # fmt: skip
+        if stopped:
+            command.say(stopped)
+        right = right and not stopped and balanced and abs(error) <= 0.01 and distance <= 0.01
+        runs.append((thickness, rows))
+        if comm.rank == 0:
+            plot(out / "load_deflection.png", runs)
+    verdict = "yes" if right else "NO"
+    command.say(f"check: limit loads and paths within 1 % of the published ones, in balance: {verdict}; see {out}")
+    return 0 if right else 1
+
+
+if __name__ == "__main__":
+    command.run(main)
