@@ -280,3 +280,9 @@ def test_the_flat_strip_is_the_same_at_all_levels_of_kinematics(angle, monkeypat
     assert len(forces[0]) > 6
     for other in forces[1:]:
         assert np.allclose(other, forces[0], rtol=1e-8, atol=1e-8 * forces[0].max())
+
+
+@pytest.mark.parametrize("case", ["end_shear", "scordelis_lo"])
+def test_shell_benchmarks(demo, tmp_path, case):
+    status, said, _ = demo("shell_benchmarks.py", "--case", case, "--out", tmp_path)
+    assert status == 0 and "within the tolerance of its case: yes" in said

@@ -60,9 +60,7 @@ def test_both_derivatives_are_exact_at_any_angle(triangles, size):
 
     h = 1e-4
     # differences of fourth order
-    first, second = (
-        (8 * (at(h)[i] - at(-h)[i]) - at(2 * h)[i] + at(-2 * h)[i]) / (12 * h) for i in (0, 1)
-    )
+    first, second = ((8 * (at(h)[i] - at(-h)[i]) - at(2 * h)[i] + at(-2 * h)[i]) / (12 * h) for i in (0, 1))
     _, _, matrix, given = at(0.0)
     x, result = matrix.createVecRight(), matrix.createVecLeft()
     x.array[:] = step
@@ -113,8 +111,10 @@ def test_carried_frames_stay_orthonormal(triangles):
 @pytest.mark.parallel
 @every_cell
 def test_reference_directors_are_the_normals_on_any_number_of_ranks(triangles):
-    found = [at_nodes(space, space.function()) for space in (
-        directors.ShellSpace(cylinder(comm, triangles, cells=6).mesh) for comm in (COMM, MPI.COMM_SELF))]
+    found = [
+        at_nodes(space, space.function())
+        for space in (directors.ShellSpace(cylinder(comm, triangles, cells=6).mesh) for comm in (COMM, MPI.COMM_SELF))
+    ]
     (x, d), (x_alone, alone) = found
     assert np.abs(x - x_alone).max() < 1e-14 and np.abs(d - alone).max() < 1e-14
     exact = x * [1, 0, 1] / np.linalg.norm(x * [1, 0, 1], axis=1, keepdims=True)
@@ -159,13 +159,13 @@ def test_a_director_in_a_plane_of_symmetry_turns_in_it_alone(triangles):
     space = directors.ShellSpace(domain.mesh)
     conditions = supports.symmetry(domain, space, "top", 0)
     fixed = space.supports(conditions)
-    part, dofs = space.V.sub(1).sub(0).collapse()
+    _part, dofs = space.V.sub(1).sub(0).collapse()
     nodes = supports._at(domain, "top", space.V.sub(1).sub(0))
     q = space.function()
     # the mean of the normals on one side has been moved into the plane, reference and all
     assert np.abs(q.x.array[nodes]).max(initial=0) < 1e-16
     space.normal.x.scatter_forward()
-    part, dofs = space.V.sub(1).collapse()
+    _, dofs = space.V.sub(1).collapse()
     assert np.abs(q.x.array[dofs[0]] - space.normal.x.array).max() == 0
     y = angles(space, 2.0)
     y.x.array[fixed] = 0.0

@@ -1,0 +1,116 @@
+"""Standard problems of large rotations and of thin curved shells, each against its reference.
+
+Every case ends in a number: the largest error over its load steps, as a part of what it may be. The cases are in
+`shell_cases.py`. "locking" compares elements and thicknesses, "cost" times the parts of a Newton iteration (both
+are in `shell_studies.py`), "all" runs all cases and sums up.
+"""
+
+from mpi4py import MPI  # isort: skip  (first, as in every DOLFINx script: it loads the MPI library)
+
+import argparse
+import dataclasses
+import time
+from pathlib import Path
+
+import numpy as np
+import shell_cases
+import shell_studies
+
+from fabric_fenicsx import command, directors, results
+
+
+def plot(path, case, table):
+    """Load against displacements: computed lines, reference as rings."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(6.4, 4.4), layout="constrained")
+    axes = figure.subplots()
+    loads = table.column(case.load_name)
+    for i, (name, column) in enumerate(case.reference.items()):
+        axes.plot(table.column(name), loads, ".-", color=f"C{i}", lw=1.2, label=f"{name}, computed")
+        axes.plot(column, case.loads, "o", color=f"C{i}", mfc="none", ms=8, label=f"{name}, reference")
+    if case.loads[-1] > 1e3 * case.loads[0]:
+        axes.set_yscale("log")
+    axes.set(title=case.title, xlabel="displacement", ylabel=case.load_name.replace("_", " "))
+    axes.grid(alpha=0.3)
+    axes.legend(fontsize=9)
+    figure.savefig(path, dpi=150)
+
+
+def report(case, table, stopped, wall):
+    """A row for the summary, of the worst quantity, and whether the case is within its tolerance at every step."""
+    parts = {name: part for name, part in case.errors(table).items() if np.isfinite(part).any()}
+    worst = max(parts, key=lambda name: np.nanmax(parts[name]), default=None)
+    share = np.nanmax(parts[worst]) if worst else np.nan
+    right = stopped is None and bool(share <= 1.0)
+    row = {
+        "case": case.name,
+        "element": case.shell.space.element,
+        "cells": case.shell.mesh.topology.index_map(2).size_global,
+        "unknowns": case.shell.space.W.dofmap.index_map.size_global,
+        "quantity": worst or "-",
+        "at_the_end": f"{table.rows[-1][worst]:.6g}" if worst else "-",
+        "reference": f"{case.reference[worst][-1]:.6g}" if worst else "-",
+        "error_of_allowed": f"{share:.0%}",
+        "steps": len(table.rows),
+        "newton": int(sum(row["newton_iterations"] for row in table.rows)),
+        "cuts": int(sum(row["step_cuts"] for row in table.rows)),
+        "wall_s": f"{wall:.1f}",
+        "verdict": "within" if right else "MISSED",
+    }
+    return row, right
+
+
+def one(name, settings, out):
+    """Run a case into its folder; the row of the summary and its verdict."""
+    clock = time.perf_counter()
+    case = shell_cases.CASES[name](settings)
+    folder = results.folder(out / case.name)
+    table, stopped = case.run(folder, progress=case.name)
+    row, right = report(case, table, stopped, time.perf_counter() - clock)
+    if stopped:
+        command.say(stopped)
+    if table.rows:
+        if MPI.COMM_WORLD.rank == 0 and len(case.loads) > 1:
+            plot(folder / "curves.png", case, table)
+        title = case.title + (f", displacement drawn x {case.drawn:g}" if case.drawn != 1 else "")
+        case.shell.picture(folder / "deformed.png", title, case.full, case.drawn)
+    return row, right
+
+
+def arguments():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.ArgumentDefaultsHelpFormatter)
+    parser.add_argument("--case", choices=[*shell_cases.CASES, "locking", "cost", "all"], default="end_shear")
+    parser.add_argument("--element", choices=directors.ELEMENTS, help="default: that of triangles")
+    parser.add_argument("--cells", type=command.positive, help="along the strip, or a side of the sheet")
+    parser.add_argument("--thickness", type=command.number, help="in the units of the case")
+    parser.add_argument("--skew", type=command.number, default=0.0, help="strips: inner nodes move so far, in cells")
+    parser.add_argument("--steps", type=command.positive, help="load steps; default: those of the reference")
+    parser.add_argument("--turns", type=int, choices=[1, 3], help="of roll_up; default: 1, in all: both")
+    parser.add_argument("--out", type=Path, default=Path("out/shell_benchmarks"))
+    return command.parse(parser)
+
+
+def main():
+    args = arguments()
+    out = results.folder(args.out)
+    settings = shell_cases.Settings(args.element, args.cells, args.thickness, args.skew, args.steps, args.turns or 1)
+    if args.case in ("locking", "cost"):
+        return getattr(shell_studies, args.case)(settings, out)
+    runs = [(args.case, settings)]
+    if args.case == "all":
+        runs = [(name, settings) for name in shell_cases.CASES]
+        runs.insert(2, ("roll_up", dataclasses.replace(settings, turns=3)))
+    rows, right = [], True
+    for name, chosen in runs:
+        row, good = one(name, chosen, out)
+        rows.append(row)
+        right = right and good
+        shell_studies.show(rows[-1:], head=len(rows) == 1)
+    shell_studies.write(out / "summary.csv", rows)
+    command.say(f"check: every step within the tolerance of its case: {'yes' if right else 'NO'}; see {out}")
+    return 0 if right else 1
+
+
+if __name__ == "__main__":
+    command.run(main)

@@ -1,0 +1,221 @@
+"""Two studies of `shell_benchmarks.py`: which element locks, and what a Newton iteration costs."""
+
+import csv
+import itertools
+import time
+
+import numpy as np
+import shell_cases
+import ufl
+from mpi4py import MPI
+from dolfinx import fem
+from dolfinx.fem import petsc as fempetsc
+
+from fabric_fenicsx import (
+    assumed_strain,
+    command,
+    directors,
+    fabrics,
+    hook,
+    meshing,
+    statics,
+    supports,
+    weakform,
+)
+from fabric_fenicsx.laws.section import Section
+from fabric_fenicsx.laws.svk import StVenantKirchhoff
+from fabric_fenicsx.laws.woven import Woven
+
+SLENDER = (1e-2, 1e-3, 1e-4, 1e-5, 1e-6)
+"""Thickness to length; the last is tried, and not asked for."""
+ALLOWED = {16: 0.03, 32: 0.01}
+"""Cells along the strip -> error of a default element."""
+DEFAULTS = ("regge", "mitc4")
+STEPS = (1, 2, 4, 8, 16, 32, 64, 128)
+
+
+WIDTHS = {"case": 16, "quantity": 12}
+
+
+def show(rows, head=True):
+    """Print rows under their names."""
+    widths = [WIDTHS.get(name, max(len(name), 9)) + 2 for name in rows[0]]
+    if head:
+        command.say("".join(f"{name:>{width}s}" for name, width in zip(rows[0], widths, strict=True)))
+    for row in rows:
+        words = [f"{value:.4g}" if isinstance(value, float) else str(value) for value in row.values()]
+        command.say("".join(f"{word:>{width}s}" for word, width in zip(words, widths, strict=True)))
+
+
+def write(path, rows):
+    """The same rows to a file, by rank 0."""
+    if MPI.COMM_WORLD.rank == 0:
+        with open(path, "w", newline="") as file:
+            writer = csv.DictWriter(file, list(rows[0]))
+            writer.writeheader()
+            writer.writerows(rows)
+
+
+# Locking
+
+
+def bent(settings, smallest=1 / 64):
+    """A row of the locking table: one end-shear test."""
+    clock = time.perf_counter()
+    case = shell_cases.end_shear(settings)
+    table, stopped = case.run(smallest=smallest)
+    row = {
+        "element": settings.element,
+        "cells": settings.cells,
+        "skew": settings.skew,
+        "h_over_L": settings.thickness / 10,
+    }
+    for name in case.reference:
+        error = 100 * (table.rows[-1][name] / case.reference[name][-1] - 1) if not stopped else np.nan
+        row[f"{name}_error_percent"] = float(error)
+    newton, cuts = (int(sum(r[name] for r in table.rows)) for name in ("newton_iterations", "step_cuts"))
+    reached = table.rows[-1]["load_fraction"] if table.rows else 0.0
+    return row | {"load_reached": float(reached), "newton": newton, "cuts": cuts, "wall_s": time.perf_counter() - clock}
+
+
+def locking(settings, out):
+    """End shear with E h^3 constant: every element, thickness and mesh; then the largest step that Newton takes."""
+    elements = [settings.element] if settings.element else list(directors.ELEMENTS)
+    cells = [settings.cells] if settings.cells else list(ALLOWED)
+    slender = [settings.thickness / 10] if settings.thickness else SLENDER
+    rows, right = [], True
+    for element, n, skew, h in itertools.product(elements, cells, (0.0, settings.skew or 0.25), slender):
+        row = bent(shell_cases.Settings(element, n, 10 * h, skew, settings.steps or 20))
+        rows.append(row)
+        show([row], head=len(rows) == 1)
+        if element in DEFAULTS and h >= 1e-5:
+            worst = max(abs(row[name]) for name in row if name.endswith("percent"))
+            right = right and worst <= 100 * ALLOWED.get(n, 0.01)
+    write(out / "locking.csv", rows)
+    if MPI.COMM_WORLD.rank == 0:
+        plot(out / "locking.png", rows)
+
+    command.say("\nEqual steps to all of the load, 4 EI/L^2, that Newton takes with no cut; 16 cells:")
+    steps = []
+    for element, h in itertools.product((e for e in DEFAULTS if e in elements), slender):
+        for count in STEPS:
+            row = bent(shell_cases.Settings(element, 16, 10 * h, 0.0, count), smallest=1.0)
+            if row["load_reached"] == 1.0:
+                break
+        took = row["load_reached"] == 1.0
+        steps.append({"element": element, "h_over_L": h, "fewest_steps": count if took else f">{count}",
+                      "largest_step_L2_over_EI": 4 / count if took else np.nan, "newton": row["newton"]})  # fmt: skip
+        show(steps[-1:], head=len(steps) == 1)
+    if steps:
+        write(out / "load_steps.csv", steps)
+    allowed = ", ".join(f"{100 * part:g} % at {n} cells" for n, part in ALLOWED.items())
+    command.say(f"check: default elements within {allowed} to h/L = 1e-5: {'yes' if right else 'NO'}; see {out}")
+    return 0 if right else 1
+
+
+def plot(path, rows):
+    """Tip deflection over the elastica's against slenderness, a panel a mesh."""
+    from matplotlib.figure import Figure
+
+    meshes = list(dict.fromkeys((row["cells"], row["skew"]) for row in rows))
+    figure = Figure(figsize=(9.6, 3.4 * ((len(meshes) + 1) // 2) + 0.4), layout="constrained")
+    panels = figure.subplots((len(meshes) + 1) // 2, 2, squeeze=False, sharex=True, sharey=True).flat
+    for (cells, skew), axes in zip(meshes, panels, strict=False):
+        for i, element in enumerate(directors.ELEMENTS):
+            own = [row for row in rows if (row["element"], row["cells"], row["skew"]) == (element, cells, skew)]
+            if own:
+                ratio = [1 + row["W_tip_error_percent"] / 100 for row in own]
+                axes.plot([row["h_over_L"] for row in own], ratio, "os^v"[i] + "-", ms=5, label=element)
+        axes.axhspan(1 - ALLOWED.get(cells, 0.01), 1 + ALLOWED.get(cells, 0.01), color="0.85", zorder=0)
+        kind = f"skewed by {skew:g}" if skew else "regular"
+        axes.set(title=f"{cells} cells, {kind}", xscale="log", ylim=(0, 1.1), ylabel="tip deflection / exact")
+        axes.set(xlim=(2 * max(SLENDER), 0.5 * min(SLENDER)), xlabel="thickness / length")
+        axes.label_outer()
+        axes.grid(alpha=0.3)
+        axes.legend(fontsize=9, loc="lower left")
+    figure.savefig(path, dpi=150)
+
+
+# Cost
+
+
+PARTS = ("turn_and_law", "residual", "jacobian", "ptap", "factor_and_solve")
+TARGETS = {"elastic": 6.0, "fabric": 9.0}
+"""us per unknown, for information: machines differ."""
+
+
+def sheet(element, law, cells):
+    """A square sheet of blend, 1 m, clamped at one edge, under 1e-6 of its weight: space, solver, hook or None."""
+    fabric = fabrics.load("blend")
+    domain = meshing.read(shell_cases.MESHES / "strip.geo", nx=cells, ny=cells, length=1.0, width=1.0,
+                          triangles=int(directors.ELEMENTS[element][0] == "triangle"))  # fmt: skip
+    space = directors.ShellSpace(domain.mesh, element)
+    q, test = space.function(), ufl.TestFunction(space.V)
+    strain, shear = assumed_strain.shell_strains(space, q, (1, 0, 0))
+    thickness = fem.Constant(domain.mesh, fabric.thickness)
+    if law == "elastic":
+        section = Section(StVenantKirchhoff.from_fabric(fabric), fabric.thickness)
+        hooks, dx = [], space.dx
+        stress = weakform.elastic_stress(domain.mesh, section.elastic(section.law.stiffness), strain)
+    else:
+        section = Section(Woven(fabric), fabric.thickness, layers=3)
+        hooks = [hook.LawHook(section, strain, domain.mesh, directors.DEGREE)]
+        stress, dx = hooks[0].stress, hooks[0].dx
+    G = StVenantKirchhoff.from_fabric(fabric).stiffness[2, 2]
+    shear_stress = ufl.dot(weakform.shear_stiffness(domain.mesh, (G, G), thickness), shear)
+    residual = weakform.internal(stress, strain, q, test, 1.0, dx)
+    residual += weakform.internal(shear_stress, shear, q, test, 1.0, space.dx_shear)
+    weight = ufl.as_vector([0.0, 0.0, -1e-5 * fabric.density * fabric.thickness])
+    residual -= weakform.surface_traction(weight, ufl.split(test)[0], space.dx)
+    bcs = supports.clamp(domain, space, "fixed_end")
+    return space, statics.StaticSolver(residual, q, bcs, hooks, space=space), hooks
+
+
+def cost_row(element, law, cells, repeats=15):
+    """Medians of the parts of a Newton iteration, us per unknown."""
+    space, solver, hooks = sheet(element, law, cells)
+    solver.solve()
+    solver.commit()
+    x = solver.begin()
+    y = fem.Function(space.W)
+    K = fempetsc.create_matrix(solver.jacobian_form)
+    times = []
+    for _ in range(repeats + 1):
+        clock = [time.perf_counter()]
+        space.turn(y, solver.u)
+        for own in hooks:
+            own.evaluate()
+        clock.append(time.perf_counter())
+        residual = solver.residual(x)
+        clock.append(time.perf_counter())
+        K.zeroEntries()
+        fempetsc.assemble_matrix(K, solver.jacobian_form)
+        K.assemble()
+        clock.append(time.perf_counter())
+        ksp = solver.factorised()
+        clock.append(time.perf_counter())
+        ksp.solve(residual, residual.duplicate())
+        clock.append(time.perf_counter())
+        law_s, residual_s, jacobian_s, all_of_it, solve_s = np.diff(clock)
+        # the residual turns and asks the law, and what is factorised was assembled: these come twice
+        times.append((law_s, residual_s - law_s, jacobian_s, all_of_it - jacobian_s, solve_s))
+    unknowns = space.W.dofmap.index_map.size_global
+    parts = 1e6 * np.median(times[1:], axis=0) / unknowns
+    row = {"element": element, "law": law, "unknowns": unknowns}
+    return row | dict(zip(PARTS, parts.tolist(), strict=True)) | {"sum": float(parts.sum()), "target": TARGETS[law]}
+
+
+def cost(settings, out):
+    """Microseconds per unknown and Newton iteration on a square sheet of 20 x 20 cells, split by part."""
+    elements = [settings.element] if settings.element else ["regge", "p2cr1"]
+    rows = []
+    for law, element in itertools.product(TARGETS, elements):
+        rows.append(cost_row(element, law, settings.cells or 20))
+        show(rows[-1:], head=len(rows) == 1)
+    write(out / "cost.csv", rows)
+    if len(elements) == 2:
+        for law in TARGETS:
+            own, plain = (row["sum"] for row in rows if row["law"] == law)
+            command.say(f"{law}: {elements[0]} takes {own / plain:.2f} of {elements[1]} (target at most 1.3)")
+    command.say(f"times are for information, and nothing is checked; see {out}")
+    return 0
