@@ -20,7 +20,7 @@ setup: ## .venv and the system libraries, if anything is missing
 	@sh .setup/setup.sh
 
 clean: ## remove .venv and the caches in this folder; results under out/ stay
-	rm -rf .venv build *.egg-info .hypothesis .mypy_cache .pytest_cache .ruff_cache
+	rm -rf .venv .cache build *.egg-info .hypothesis .mypy_cache .pytest_cache .ruff_cache
 	find . -name __pycache__ -prune -exec rm -rf {} +
 
 .PHONY: help demo test lint setup clean
