@@ -8,7 +8,7 @@ demo: setup ## the tensile tests of all four fabrics; table, CSV and pictures un
 	$(python) demos/tensile.py --fabric all --angle all --out out/tensile
 
 test: lint ## lint, then all tests, then the parallel ones again on 2 ranks
-	$(python) -m pytest
+	$(python) -m pytest -n auto --maxprocesses 4 --dist worksteal
 	.venv/bin/mpirun -n 2 $(python) -m pytest -m parallel
 
 lint: setup ## ruff's rules and format, and the types of the package
