@@ -147,6 +147,11 @@ class ShellSpace:
         matrix.assemble()
         return matrix
 
+    @property
+    def nodes(self) -> np.ndarray:
+        """Unknowns of each local node's director in V, shape (nodes, 3)."""
+        return self._d
+
     # -- what a solver asks for --------------------------------------------------------------------------
 
     def turn(self, y: fem.Function, q: fem.Function) -> PETSc.Mat:

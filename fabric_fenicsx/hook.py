@@ -62,7 +62,10 @@ class LawHook:
         cells = domain.topology.index_map(domain.topology.dim)
         self._cells = np.arange(cells.size_local + cells.num_ghosts, dtype=np.int32)
         self._owned = cells.size_local
-        shape = (len(self._cells), len(space.element.interpolation_points))
+        per_cell = len(space.element.interpolation_points)
+        self.owned_points = self._owned * per_cell
+        """Points of this rank's own cells, which come first."""
+        shape = (len(self._cells), per_cell)
         self.strain = np.zeros((*shape, *strain.ufl_shape))
         """Strain at the last evaluation, shape (cells, points of a cell, components)."""
         self.history = History(law.initial_state, shape[0] * shape[1])
@@ -124,11 +127,18 @@ class LawHook:
         return float(size[cell, point]), f"cell {number} at ({where}) m, point {point}: strain ({strain})"
 
 
-def derive(residual: Form, u: fem.Function, hooks: tuple[LawHook, ...]) -> tuple[Form, Form]:
-    """Residual and Jacobian of a residual with hooks, in plain coefficients that the hooks fill."""
+def derive(
+    residual: Form, u: fem.Function, hooks: tuple[LawHook, ...], rate: tuple[fem.Function, fem.Constant] | None = None
+) -> tuple[Form, Form]:
+    """Residual and Jacobian of a residual with hooks, in plain coefficients that the hooks fill.
+
+    rate: a velocity, and the factor with which the derivative by it is added to the Jacobian.
+    """
     # expanded first: the second derivative of an unexpanded one loses the material tangent (ufl#449)
     residual = expand_derivatives(residual)
     jacobian = ufl.derivative(residual, u)
+    if rate and rate[0] in residual.coefficients():
+        jacobian += rate[1] * ufl.derivative(residual, rate[0])
     residual, _ = replace_external_operators(residual)
     jacobian, operators = replace_external_operators(jacobian)
     if any(op.external_function not in hooks for op in operators):

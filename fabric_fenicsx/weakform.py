@@ -27,6 +27,39 @@ def internal(stress: Expr, strain: Expr, u: fem.Function, v: Expr, thickness: Ex
     return thickness * ufl.inner(stress, ufl.derivative(strain, u, v)) * dx
 
 
+def stored(stress: Expr, strain: Expr, thickness: Expr | float, dx: ufl.Measure) -> Form:
+    """Energy of a linear symmetric law, int S . E h / 2 dA in J: a number, not a virtual work."""
+    return thickness / 2 * ufl.inner(stress, strain) * dx
+
+
+def inertia(areal_mass: Expr | float, acceleration: Expr, v: Expr, dx: ufl.Measure) -> Form:
+    """Virtual work of the inertia of the mid-surface (5.75); areal mass in kg/m2.
+
+    With a trial function for the acceleration it is the mass matrix that `motion.Motion` takes. Degree 4 of
+    `dx` is exact on flat triangles with a quadratic displacement.
+    """
+    return areal_mass * ufl.inner(acceleration, v) * dx
+
+
+def rotary_inertia(areal_mass: Expr | float, thickness: Expr | float, d: Expr, delta: Expr, dx: ufl.Measure) -> Form:
+    """Virtual work of the inertia of directors, rho h^3/12 in kg (5.75); d and delta as in `inertia`."""
+    return areal_mass * thickness**2 / 12 * ufl.inner(d, delta) * dx
+
+
+def stiffness_damping(
+    b: Expr | float, stiffness: np.ndarray, strain: Expr, u: fem.Function, velocity: fem.Function, v: Expr,
+    dx: ufl.Measure,
+) -> Form:  # fmt: skip
+    """Virtual work of b K_M velocity, the stiffness part of Rayleigh's damping (Box 5-2); b in s.
+
+    K_M is the material stiffness in the present shape, with the stiffness (m, m) of the law at rest,
+    integrated over the thickness: it resists strain, never a turn of the whole, and always dissipates.
+    """
+    rate = ufl.derivative(strain, u, velocity)
+    C = fem.Constant(dx.ufl_domain().ufl_cargo(), stiffness)
+    return b * ufl.inner(ufl.dot(C, rate), ufl.derivative(strain, u, v)) * dx
+
+
 def body_force(force: Expr, v: Expr, thickness: Expr | float, dx: ufl.Measure) -> Form:
     """Virtual work of a dead force per reference volume, in N/m3, on the displacement v; subtract it."""
     return thickness * ufl.inner(force, v) * dx

@@ -73,6 +73,22 @@ def mean_modulus(c, a, b):
 
 
 @inlined
+def _ramps(c, peak_stress, peak_modulus):
+    """Of `unloading`: lowest modulus, square and top of the ramps, and strains of rise, plateau and fall."""
+    slack = c[0]
+    low = max(peak_modulus, slack)
+    high = max(c[UNLOAD], low)
+    # both ramps without a plateau use up the peak stress: rate S = top^2 - (peak^2 + slack^2)/2
+    square = c[RATE] * peak_stress + 0.5 * (peak_modulus * peak_modulus + slack * slack)
+    top = high if square >= high * high else max(sqrt(square), low)
+    rise = (top - peak_modulus) * c[INVERSE_RATE]
+    fall = (top - slack) * c[INVERSE_RATE]
+    s_rise = peak_stress - 0.5 * (peak_modulus + top) * rise
+    flat = max(s_rise - 0.5 * (top + slack) * fall, 0.0) / top
+    return low, square, top, rise, flat, fall
+
+
+@inlined
 def unloading(c, peak_stress, peak_modulus, x):
     """Stress and modulus a strain x >= 0 below the peak, and the x at which the stress is zero.
 
@@ -81,17 +97,10 @@ def unloading(c, peak_stress, peak_modulus, x):
     as some crimp is recovered"); both ramps have the same rate, so stress and modulus are continuous
     everywhere. Where the stress is too small for the whole height, the ramps meet below it.
     """
-    rate, per_rate, slack = c[RATE], c[INVERSE_RATE], c[0]
-    low = max(peak_modulus, slack)
-    high = max(c[UNLOAD], low)
-    # both ramps without a plateau use up the peak stress: rate S = top^2 - (peak^2 + slack^2)/2
-    square = rate * peak_stress + 0.5 * (peak_modulus * peak_modulus + slack * slack)
-    top = high if square >= high * high else max(sqrt(square), low)
-    rise = (top - peak_modulus) * per_rate
-    fall = (top - slack) * per_rate
+    rate, slack = c[RATE], c[0]
+    low, square, top, rise, flat, fall = _ramps(c, peak_stress, peak_modulus)
     s_rise = peak_stress - 0.5 * (peak_modulus + top) * rise
     s_fall = 0.5 * (top + slack) * fall
-    flat = max(s_rise - s_fall, 0.0) / top
     zero = rise + flat + fall
     s_end = s_rise - top * flat - s_fall
     if square < low * low:
@@ -107,6 +116,27 @@ def unloading(c, peak_stress, peak_modulus, x):
     if x < fall:
         return s_rise - top * flat - (top - 0.5 * rate * x) * x, top - rate * x, zero
     return s_end - slack * (x - fall), slack, zero
+
+
+@inlined
+def released(c, peak_stress, peak_modulus, x):
+    """Work of unloading from a strain x below the peak until the stress is zero: the integral of `unloading`.
+
+    Stress is a quadratic between the ends of its ramps, so Simpson's rule is exact from one to the next.
+    """
+    _, _, zero = unloading(c, peak_stress, peak_modulus, x)
+    low, high = min(x, zero), max(x, zero)
+    _, _, _, rise, flat, fall = _ramps(c, peak_stress, peak_modulus)
+    total, a = 0.0, low
+    for end in (rise, rise + flat, rise + flat + fall, high):
+        b = min(max(end, low), high)
+        if b > a:
+            sa, _, _ = unloading(c, peak_stress, peak_modulus, a)
+            sm, _, _ = unloading(c, peak_stress, peak_modulus, 0.5 * (a + b))
+            sb, _, _ = unloading(c, peak_stress, peak_modulus, b)
+            total += (b - a) * (sa + 4.0 * sm + sb) / 6.0
+            a = b
+    return total if zero >= x else -total
 
 
 @inlined
@@ -196,6 +226,38 @@ def woven(strain, state, stress, tangent, new, curve, nu12, nu21, hysteretic, re
         tangent[i, 0, 0], tangent[i, 0, 1], tangent[i, 0, 2] = by_e1 * den + by_E1, by_e1 * den * a12, 0.0
         tangent[i, 1, 0], tangent[i, 1, 1], tangent[i, 1, 2] = by_e2 * den * a21, by_e2 * den + by_E2, 0.0
         tangent[i, 2, 0], tangent[i, 2, 1], tangent[i, 2, 2] = 0.0, 0.0, G
+
+
+@jit
+def woven_recoverable(strain, state, energy, curve, nu12, nu21, hysteretic, reciprocal):
+    """Of `woven.Woven.recoverable`; the state is that of the strain."""
+    warp, weft, shear = curve
+    den = 1.0 / (1.0 - nu12 * nu21)
+    for i in range(strain.shape[0]):
+        if reciprocal:
+            e1, e2 = state[i, 10], state[i, 11]
+        else:
+            e1, e2 = (strain[i, 0] + nu21 * strain[i, 1]) * den, (strain[i, 1] + nu12 * strain[i, 0]) * den
+        total = released(warp, state[i, 3], state[i, 4], state[i, 2] - e1)
+        total += released(weft, state[i, 6], state[i, 7], state[i, 5] - e2)
+        gamma = strain[i, 2]
+        if hysteretic:
+            peak = abs(state[i, 9])
+            sign = 1.0 if state[i, 9] >= 0.0 else -1.0
+            below = peak - sign * (gamma - state[i, 8])
+            energy[i] = total + released(shear, loading_stress(shear, peak), modulus(shear, peak), below)
+        else:
+            energy[i] = total + _stored_in_shear(shear, abs(gamma))
+
+
+@inlined
+def _stored_in_shear(c, gamma):
+    """Integral of the loading stress, a polynomial of degree 4 up to the limit and a line beyond."""
+    inside = min(gamma, c[LIMIT])
+    total, root = 0.0, 0.7745966692414834  # Gauss's rule with three points
+    for place, weight in ((-root, 5.0 / 18.0), (0.0, 4.0 / 9.0), (root, 5.0 / 18.0)):
+        total += weight * inside * loading_stress(c, 0.5 * inside * (1.0 + place))
+    return total + 0.5 * (gamma - inside) * (loading_stress(c, inside) + loading_stress(c, gamma))
 
 
 @inlined

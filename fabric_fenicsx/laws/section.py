@@ -54,6 +54,14 @@ class Section:
         _integrate(stress, stiffness.reshape(-1, 9), self._moments, resultants, tangent)
         return out
 
+    def recoverable(self, strain: Array, state: Array) -> Array:
+        """Work in J/m2 (n,) that the layers give back, if the law can tell; else AttributeError."""
+        n, layers = len(strain), len(self._powers)
+        layer_strain = np.empty((n * layers, 3))
+        _spread(np.ascontiguousarray(strain), self._powers, layer_strain)
+        energy = self.law.recoverable(layer_strain, state.reshape(n * layers, -1))  # type: ignore[attr-defined]
+        return np.asarray(energy.reshape(n, layers) @ self._weights)
+
     def elastic(self, stiffness: Array) -> Array:
         """Stiffness (m, m) of the section for a law of constant stiffness (3, 3): diag(h C, h^3/12 C, ...)."""
         moments = np.einsum("l,lp,lq->pq", self._weights, self._powers, self._powers)

@@ -86,6 +86,15 @@ class Woven:
         kernels.woven(strain, state, *out, self._curves, *self._nu, self.shear_hysteresis, self.reciprocal)
         return out
 
+    def recoverable(self, strain: Array, state: Array) -> Array:
+        """Work in J/m3 (n,) that a point of this strain, and the state after it, gives back.
+
+        Each yarn family is unloaded by itself, under uniaxial stress, and so is shear, until the stress is gone.
+        """
+        energy = np.empty(len(strain))
+        kernels.woven_recoverable(strain, state, energy, self._curves, *self._nu, self.shear_hysteresis, self.reciprocal)
+        return energy
+
     def beyond_calibration(self, strain: Array) -> str | None:
         """One sentence if a strain (n, 3) lies beyond the measured range, else None."""
         return beyond_calibration(self.fabric, strain)

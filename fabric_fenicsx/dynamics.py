@@ -1,0 +1,187 @@
+"""Implicit dynamics: Newmark's method as a PETSc TS, with steps that are cut where Newton's method fails.
+
+TS's own TSALPHA2 is the same rule, but it begins with two half steps of backward Euler in place of the true
+acceleration, and keeps the acceleration where nobody can turn it along with a shell's directors. So the rule
+is in `motion`, the time step in a TS of Python type, `Newmark`; options (-ts_monitor), monitors and time are TS's.
+"""
+
+import sys
+import time
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any
+
+import numpy as np
+from mpi4py import MPI
+from dolfinx import fem
+from petsc4py import PETSc
+from tqdm import tqdm
+from ufl.form import Form
+
+from .continuation import Step
+from .errors import InputError, StepFailed
+from .hook import LawHook
+from .laws import Array
+from .motion import Motion
+from .statics import StaticSolver
+
+OPTIONS = {"snes_linesearch_type": "bt", "snes_max_it": 40}
+"""Over those of `statics`: a sheet that unloads is full of kinks, where full steps overshoot."""
+
+
+class Newmark:
+    """M a + residual(q, velocity) = 0 at the end of every step; a Python type of PETSc's TS, which is `ts`.
+
+    motion: the unknown and its rule. residual: UFL form, terms of `weakform` less the loads, without inertia. bcs,
+    hooks, rtol, options: as for `statics.StaticSolver`, which is `solver`. set_load(t): puts loads and Dirichlet
+    values at time t (s) into the scene; it is also asked a step beyond the end, since velocity and
+    acceleration of what is moved come from differences. start: time, s.
+
+    The history of a law moves when a step is accepted, and then only. Forces at supports: `solver.reaction`.
+    """
+
+    def __init__(
+        self,
+        motion: Motion,
+        residual: Form,
+        bcs: Sequence[fem.DirichletBC],
+        hooks: Sequence[LawHook] = (),
+        set_load: Callable[[float], None] = lambda t: None,
+        rtol: float = 1e-4,
+        options: dict[str, object] | None = None,
+        start: float = 0.0,
+    ) -> None:
+        self.motion, self.set_load = motion, set_load
+        self.solver = StaticSolver(
+            residual, motion.q, bcs, hooks, rtol, OPTIONS | (options or {}), motion.space, motion
+        )
+        self.comm, self.time, self.number = self.solver.comm, start, 0
+        self._bcs = list(bcs)
+        motion.given = np.unique(np.concatenate([np.empty(0, np.int32), *(bc.dof_indices()[0] for bc in bcs)]))
+        self.ledger: Any = None
+        """An `energy.Ledger`, if one is kept."""
+        self.fault: StepFailed | None = None
+        self.iterations = self.cuts = 0
+        self._part, self._done = 1.0, 0.0
+        self._began = False
+        self.ts = PETSc.TS().createPython(self, comm=self.comm)
+        self.ts.setSolution(motion.q.x.petsc_vec)
+        self.ts.setTime(start)
+        self.ts.setMaxTime(1e300)
+        self.ts.setMaxSteps(2**31 - 1)
+        self.ts.setFromOptions()
+
+    # -- motion of supports ---------------------------------------------------------------------------------------
+
+    def _given(self, t: float) -> Array:
+        """Values of the given unknowns at a time."""
+        self.set_load(t)
+        values = self.motion.accepted["q"].copy()
+        for bc in self._bcs:
+            bc.set(values)
+        return np.asarray(values[self.motion.given])
+
+    def begin(self) -> None:
+        """Find the acceleration with which the motion starts, M a = forces; called by `march`.
+
+        At supports it is that of the first two steps, and so is the velocity.
+        """
+        motion, solver, dt = self.motion, self.solver, self.ts.getTimeStep()
+        before, after, later = (self._given(self.time + k * dt) for k in (0, 1, 2))
+        self.set_load(self.time)
+        motion.velocity.x.array[motion.given] = (4 * after - 3 * before - later) / (2 * dt)
+        motion.acceleration.x.array[motion.given] = (later - 2 * after + before) / dt**2
+        motion.lay_on_sphere(motion.velocity.x.array, motion.acceleration.x.array)
+        motion.restart(solver.accelerate())
+        if self.ledger is not None:
+            self.ledger.start()
+        self._began = True
+
+    # -- what TS asks for -------------------------------------------------------------------------------------
+
+    def step(self, ts: PETSc.TS) -> None:
+        """One accepted step; never raises."""
+        try:
+            self._step(ts)
+        except StepFailed as error:
+            self.fault = error
+            ts.setConvergedReason(PETSc.TS.ConvergedReason.DIVERGED_STEP_REJECTED)
+
+    def _step(self, ts: PETSc.TS) -> None:
+        while True:
+            dt = ts.getTimeStep()
+            t = self.time + dt
+            before, after = (self._given(t + k * dt) for k in (-1, 1))
+            now = self._given(t)
+            self.motion.prepare(dt, ((after - before) / (2 * dt), (after - 2 * now + before) / dt**2))
+            try:
+                self.iterations += self.solver.solve()
+                break
+            except StepFailed as error:
+                self.cuts += 1
+                self.iterations += self.solver.snes.getIterationNumber()
+                self._part /= 2
+                self.set_load(self.time)
+                if self._part < self._smallest:
+                    raise StepFailed(
+                        f"The motion stopped at t = {self.time:.6g} s, after {self.cuts} cuts of the step to {dt:.3g} s: "
+                        f"{error}. A smaller step, rho below 1, or damping may help."
+                    ) from None
+                ts.setTimeStep(dt / 2)
+        self.motion.settle()
+        if self.ledger is not None:
+            self.ledger.update()
+        self.solver.commit()
+        self.time = t
+        ts.setTime(t)
+
+    def _advance(self) -> None:
+        """One step of TS; raises what stopped it."""
+        try:
+            self.ts.step()
+        except PETSc.Error:
+            if self.fault is None:
+                raise
+            self.ts.setConvergedReason(PETSc.TS.ConvergedReason.ITERATING)
+            fault, self.fault = self.fault, None
+            raise fault from None
+
+    _smallest = 1 / 64
+
+    def march(self, end: float, dt: float, smallest: float = 1 / 64, progress: str | None = None,
+              note: Callable[[], str] = lambda: "") -> Iterator[Step]:  # fmt: skip
+        """Go on to the time `end` in steps of dt, both in s; yields a `Step` after each, its load being the time.
+
+        A step that fails is restored and halved, and grows again once it works, always to meet the end of
+        the whole step; parts below `smallest` of it raise StepFailed, on every rank, with the last good
+        state in place. `progress` names the bar that rank 0 shows, `note` adds to it.
+        """
+        if not (np.isfinite(dt) and dt > 0.0):
+            raise InputError(f"A time step of {dt!r} s is not a positive number.")
+        if not (np.isfinite(end) and end > self.time):
+            raise InputError(f"The end at {end!r} s is not after the present time, {self.time:g} s.")
+        steps = max(1, round((end - self.time) / dt))
+        times = np.linspace(self.time, end, steps + 1)[1:]
+        self._smallest = smallest
+        if not self._began:
+            self.ts.setTimeStep(dt)
+            self.begin()
+        hidden = progress is None or self.comm.rank != 0
+        calm = 0.2 if sys.stderr.isatty() else 30.0
+        with tqdm(total=steps, desc=progress, unit="step", disable=hidden, leave=False, mininterval=calm) as bar:
+            for target in times:
+                clock, self.iterations, self.cuts, begun, done = time.perf_counter(), 0, 0, self.time, 0.0
+                while done < 1.0:
+                    part = min(self._part, 1.0 - done)
+                    self._part = part
+                    # the last part ends on the time itself, whatever the rounding of the parts before
+                    whole = target - begun
+                    self.ts.setTimeStep(target - self.time if part == 1.0 - done else part * whole)
+                    self._advance()
+                    done += self._part
+                    self._part = min(1.0, 2 * self._part)
+                self.time = float(target)
+                self.ts.setTime(self.time)
+                self.number += 1
+                bar.set_postfix_str(f"t={self.time:.4g} s, newton={self.iterations}, cuts={self.cuts}{note()}", refresh=False)
+                bar.update()
+                yield Step(self.number, self.time, self.iterations, self.cuts, time.perf_counter() - clock)

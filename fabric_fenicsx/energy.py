@@ -1,0 +1,166 @@
+"""Where the work goes in a motion: the judge of its stability.
+
+At every accepted step
+
+    external work = kinetic + recoverable + dissipated by the law, by damping, by the scheme + imbalance.
+
+Work of nodal forces is by the trapezoidal rule, (f0 + f1)/2 . (q1 - q0). What the law takes is integrated at its own
+points along the straight path of strain, by Simpson's rule with one more call of the law; elastic energy is
+exact. The scheme's part is (M a0 + M a1)/2 . (q1 - q0) less the change of kinetic energy: zero for the
+trapezoidal rule, and not negative in a linear problem. The imbalance is then what no term explains, the
+error of the finite step; it grows without bound where a run is unstable.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+import ufl
+from basix.ufl import quadrature_element
+from dolfinx import fem
+from dolfinx.fem import petsc as fempetsc
+from petsc4py import PETSc
+from ufl.form import Form
+
+from .dynamics import Newmark
+from .hook import LawHook
+from .laws import Array
+
+
+class Ledger:
+    """The energies of a `dynamics.Newmark` from here on, in J; see `totals`.
+
+    external: virtual work of the loads (a linear form). damping: that of damping forces in the residual, if any.
+    stored: form of elastic energy outside of hooks, if any. hooks: each law's hook and the factor of its
+    stress in the weak form, the thickness in m or 1 for resultants.
+
+    A law tells what of its work is recoverable by `recoverable(strain, state)`, J/m3 (n,); of a law that cannot
+    tell, all is. Supports that move are external.
+    """
+
+    def __init__(
+        self,
+        newmark: Newmark,
+        external: Form,
+        stored: Form | None = None,
+        hooks: Sequence[tuple[LawHook, float]] = (),
+        damping: Form | None = None,
+    ) -> None:
+        self._newmark, self.motion, self.comm = newmark, newmark.motion, newmark.comm
+        self._external = fem.form(external)
+        self._damping = fem.form(damping) if damping else None
+        self._stored = fem.form(stored) if stored else None
+        self._works = [LawWork(hook, factor) for hook, factor in hooks]
+        self._vector = fempetsc.create_vector(self.motion.q.function_space)
+        self._given = self.motion.given[self.motion.given < self._vector.local_size]
+        self.totals = dict.fromkeys(
+            ("kinetic", "recoverable", "by_law", "by_damping", "by_scheme", "external", "imbalance"), 0.0
+        )
+        """External work, where it is now, and where it went since the start."""
+        self._law = 0.0
+        self._last: tuple[Array, ...] | None = None
+        newmark.ledger = self
+
+    def start(self) -> None:
+        """Take the present state as the start: its kinetic and elastic energy count as external work."""
+        self.motion.q.x.scatter_forward()
+        self._last = self._forces()
+        for work in self._works:
+            work.start()
+        self.totals["kinetic"], self._elastic = self.motion.kinetic(), self._elastic_energy()
+        self.totals["recoverable"] = self._elastic
+        self.totals["external"] = self.totals["kinetic"] + self._elastic
+
+    def update(self) -> None:
+        """Account for the step that has been solved and is about to be committed."""
+        assert self._last is not None
+        q0, fe0, fd0, ma0, r0 = self._last
+        self._last = q1, fe1, fd1, ma1, r1 = self._forces()
+        dq = q1 - q0
+        local = [(fe0 + fe1) @ dq + (r0 + r1) @ dq[self._given], (fd0 + fd1) @ dq, (ma0 + ma1) @ dq]
+        works = np.array([work.advance() for work in self._works]).reshape(-1, 2).sum(axis=0)
+        sums = self.comm.allreduce(np.array([*(0.5 * np.array(local)), *works]))
+        t, kinetic, elastic = self.totals, self.motion.kinetic(), self._elastic_energy()
+        self._law += sums[3]
+        t["external"] += sums[0]
+        t["by_damping"] += sums[1]
+        t["by_scheme"] += sums[2] - (kinetic - t["kinetic"])
+        t["kinetic"], t["recoverable"] = kinetic, elastic + sums[4]
+        t["by_law"] = self._law - sums[4]
+        explained = sum(value for name, value in t.items() if name not in ("external", "imbalance"))
+        t["imbalance"] = t["external"] - explained
+
+    def row(self) -> dict[str, float]:
+        """The totals with units, as columns of a `results.Table`."""
+        t = self.totals
+        return {
+            "kinetic_J": t["kinetic"],
+            "recoverable_J": t["recoverable"],
+            "dissipated_J": t["by_law"],
+            "damped_J": t["by_damping"],
+            "scheme_J": t["by_scheme"],
+            "external_work_J": t["external"],
+            "imbalance_J": t["imbalance"],
+        }
+
+    def _elastic_energy(self) -> float:
+        return 0.0 if self._stored is None else float(self.comm.allreduce(fem.assemble_scalar(self._stored)))
+
+    def _assembled(self, form: fem.Form | None) -> Array:
+        if form is None:
+            return np.zeros(self._vector.local_size)
+        with self._vector.localForm() as local:
+            local.set(0.0)
+        fempetsc.assemble_vector(self._vector, form)
+        self._vector.ghostUpdate(PETSc.InsertMode.ADD, PETSc.ScatterMode.REVERSE)
+        return np.array(self._vector.array_r)
+
+    def _forces(self) -> tuple[Array, ...]:
+        """Owned parts of q, external, damping and inertia forces, and reactions at given unknowns."""
+        motion, size = self.motion, self._vector.local_size
+        reaction = self._newmark.solver.forces()[self._given]
+        damping = self._assembled(self._damping)
+        motion.mass.mult(motion.velocity.x.petsc_vec, self._vector)
+        damping = damping + motion.damping * self._vector.array_r
+        motion.mass.mult(motion.acceleration.x.petsc_vec, self._vector)
+        inertia = np.array(self._vector.array_r)
+        return motion.q.x.array[:size].copy(), self._assembled(self._external), damping, inertia, reaction
+
+
+class LawWork:
+    """Work of a law at the points of its hook, in J on this rank."""
+
+    def __init__(self, hook: LawHook, factor: float) -> None:
+        self.hook = hook
+        domain = hook.mesh
+        degree = hook.dx.metadata()["quadrature_degree"]
+        space = fem.functionspace(domain, quadrature_element(domain.basix_cell(), degree=degree, scheme="default"))
+        weights = fem.assemble_vector(fem.form(factor * ufl.TestFunction(space) * hook.dx)).array
+        self._weights = weights.copy()
+        self._weights[hook.owned_points :] = 0.0
+        self._recoverable = getattr(hook.law, "recoverable", None)
+        self._total = 0.0
+
+    def start(self) -> None:
+        """From the present strain on."""
+        strain, stress = self._now()
+        n, m = strain.shape
+        self._strain, self._stress = strain.copy(), stress.copy()
+        self._scratch = np.empty((n, m)), np.empty((n, m, m)), np.empty_like(self.hook.history.committed)
+
+    def _now(self) -> tuple[Array, Array]:
+        m = self.hook.strain.shape[-1]
+        return self.hook.strain.reshape(-1, m), self.hook.stress.ref_coefficient.x.array.reshape(-1, m)
+
+    def advance(self) -> tuple[float, float]:
+        """Work of the step that is about to be committed, and what is recoverable after it."""
+        hook = self.hook
+        strain, stress = self._now()
+        change = strain - self._strain
+        hook.law.respond(self._strain + 0.5 * change, hook.history.committed, self._scratch)
+        mean = (self._stress + 4.0 * self._scratch[0] + stress) / 6.0
+        work = float(self._weights @ np.einsum("na,na->n", mean, change))
+        self._total += work
+        self._strain, self._stress = strain.copy(), stress.copy()
+        if self._recoverable is None:
+            return work, self._total
+        return work, float(self._weights @ self._recoverable(strain, hook.history.trial))

@@ -1,0 +1,105 @@
+"""A sheet of one material on a surface mesh: kinematics, law and mass put together, ready for supports and loads."""
+
+from collections.abc import Sequence
+
+import numpy as np
+import ufl
+from dolfinx import fem
+from ufl.core.expr import Expr
+from ufl.form import Form
+
+from . import assumed_strain, directors, frame, kinematics, weakform
+from .errors import InputError
+from .hook import LawHook
+from .laws import Law, section
+from .meshing import Domain
+
+
+class Sheet:
+    """A shell or a membrane in space, at rest, with nothing that holds or loads it.
+
+    thickness in m; law: see `laws.Law`; one that is linear and symmetric (it has `stiffness`) needs no hook.
+    shear: transverse shear moduli (G13, G23) in Pa, of a shell. warp: see `frame.surface_axes`.
+    kinematics: "shell" or "membrane"; element: of a shell, see `directors.ELEMENTS`; layers: see `laws.section`.
+
+    Raises InputError. Public: `domain`, `q` (unknown: displacement, or displacement and director), `test`,
+    `u` and `v` (the displacement's part of both, for loads), `space` (for `supports`), `shell` (a ShellSpace or
+    None), `dx`, `strain`, `internal` (Form), `stored` (Form of the energy outside of hooks, or None), `hooks`.
+    """
+
+    def __init__(
+        self,
+        domain: Domain,
+        law: Law,
+        thickness: float,
+        shear: tuple[float, float] | None = None,
+        warp: Sequence[float] | Expr = (1.0, 0.0, 0.0),
+        kinematics: str = "shell",
+        element: str | None = None,
+        layers: int = 3,
+    ) -> None:
+        if kinematics not in ("shell", "membrane"):
+            raise InputError(f"kinematics={kinematics!r} is neither 'shell' nor 'membrane'.")
+        if not (np.isfinite(thickness) and thickness > 0.0):
+            raise InputError(f"A thickness of {thickness!r} m is not a positive number.")
+        self.domain, self.law, self.thickness = domain, law, float(thickness)
+        self.internal, self.stored, self.hooks = Form([]), Form([]), []
+        build = self._build_shell if kinematics == "shell" else self._build_membrane
+        build(warp, element, layers, shear)
+
+    def _build_shell(
+        self, warp: Sequence[float] | Expr, element: str | None, layers: int, shear: tuple[float, float] | None
+    ) -> None:
+        if shear is None:
+            raise InputError("A shell needs two transverse shear moduli, shear=(G13, G23) in Pa.")
+        mesh, h = self.domain.mesh, fem.Constant(self.domain.mesh, self.thickness)
+        self.space = self.shell = space = directors.ShellSpace(mesh, element)
+        self.q, self.test = space.function(), ufl.TestFunction(space.V)
+        (self.u, self.director), (self.v, self.delta) = ufl.split(self.q), ufl.split(self.test)
+        self.dx = space.dx
+        self.strain, across = assumed_strain.shell_strains(space, self.q, warp)
+        through = section.Section(self.law, self.thickness, layers)
+        stiffness = getattr(self.law, "stiffness", None)
+        self._add(through, None if stiffness is None else through.elastic(stiffness), 1.0, directors.DEGREE)
+        force = ufl.dot(weakform.shear_stiffness(mesh, shear, h), across)
+        self.internal += weakform.internal(force, across, self.q, self.test, 1.0, space.dx_shear)
+        self.stored += weakform.stored(force, across, 1.0, space.dx_shear)
+
+    def _build_membrane(
+        self, warp: Sequence[float] | Expr, element: str | None, layers: int, shear: tuple[float, float] | None
+    ) -> None:
+        mesh = self.domain.mesh
+        degree = 2 if mesh.basix_cell().name == "triangle" and element != "p1" else 1
+        self.shell, self.space = None, fem.functionspace(mesh, ("Lagrange", degree, (3,)))
+        self.q, self.test = fem.Function(self.space), ufl.TestFunction(self.space)
+        self.u, self.v = self.q, self.test
+        self.dx = ufl.Measure("dx", mesh, metadata={"quadrature_degree": 2, "quadrature_scheme": "default"})
+        self.strain = kinematics.membrane_strain(self.u, frame.surface_axes(mesh, warp, 2))
+        h = fem.Constant(mesh, self.thickness)
+        self._add(self.law, getattr(self.law, "stiffness", None), h, 2)
+
+    def _add(self, law: Law, stiffness: np.ndarray | None, factor: Expr | float, degree: int) -> None:
+        """The work of a law, in plain UFL if it is linear."""
+        if stiffness is None:
+            hook = LawHook(law, self.strain, self.domain.mesh, degree)
+            self.hooks.append(hook)
+            stress = hook.stress
+            self.internal += weakform.internal(stress, self.strain, self.q, self.test, factor, hook.dx)
+        else:
+            stress = weakform.elastic_stress(self.domain.mesh, stiffness, self.strain)
+            self.internal += weakform.internal(stress, self.strain, self.q, self.test, factor, self.dx)
+            self.stored += weakform.stored(stress, self.strain, factor, self.dx)
+
+    def mass(self, areal_mass: float, rotary: bool = True) -> Form:
+        """Bilinear form of the mass for `motion.Motion`; areal mass in kg/m2, with or without that of directors (5.75)."""
+        dx = ufl.Measure("dx", self.domain.mesh, metadata={"quadrature_degree": 4})
+        trial = ufl.TrialFunction(self.q.function_space)
+        if self.shell is None:
+            return weakform.inertia(areal_mass, trial, self.v, dx)
+        u, d = ufl.split(trial)
+        form = weakform.inertia(areal_mass, u, self.v, dx)
+        return form + weakform.rotary_inertia(areal_mass, self.thickness, d, self.delta, dx) if rotary else form
+
+    def weight(self, areal_mass: float, acceleration: Expr) -> Form:
+        """Virtual work of the weight; subtract it. Areal mass in kg/m2, acceleration a vector in m/s2."""
+        return weakform.gravity(areal_mass, acceleration, self.v, self.dx)
