@@ -152,6 +152,23 @@ class ShellSpace:
         """Unknowns of each local node's director in V, shape (nodes, 3)."""
         return self._d
 
+    def axes(self) -> tuple[Array, Array]:
+        """e1 and d0 of each node's frame, as local arrays of V with zeros elsewhere."""
+        values = np.zeros((2, len(self.function().x.array)))
+        values[0][self._d], values[1][self._d] = self.frame[:, 0], self.frame[:, 2]
+        return values[0], values[1]
+
+    def set_axes(self, e1: Array, d0: Array) -> None:
+        """Lay the frames along these, as `axes` gives them."""
+        e1, d0 = e1[self._d], d0[self._d]
+        self.frame = np.stack([e1, np.cross(d0, e1), d0], axis=1)
+
+    def at_rest(self, q: Array) -> Array:
+        """The local array of W that has the displacements of q, and no angles."""
+        values = np.zeros(2 * len(self._theta) + len(self._u))
+        values[self._u[:, 1]] = q[self._u[:, 0]]
+        return values
+
     # -- what a solver asks for --------------------------------------------------------------------------
 
     def turn(self, y: fem.Function, q: fem.Function) -> PETSc.Mat:

@@ -62,7 +62,7 @@ class Newmark:
         self.fault: StepFailed | None = None
         self.iterations = self.cuts = 0
         self._part, self._done = 1.0, 0.0
-        self._began = False
+        self._began = self.interrupted = False
         self.ts = PETSc.TS().createPython(self, comm=self.comm)
         self.ts.setSolution(motion.q.x.petsc_vec)
         self.ts.setTime(start)
@@ -94,6 +94,38 @@ class Newmark:
         motion.restart(solver.accelerate())
         if self.ledger is not None:
             self.ledger.start()
+        self._began = True
+
+    # -- what a checkpoint asks for -------------------------------------------------------------------------------
+
+    def numbers(self) -> dict[str, float]:
+        """Time, sizes and energies of the last accepted step."""
+        own = {"time": self.time, "number": self.number, "part": self._part, "scale": self.solver.scale}
+        return own | (self.ledger.numbers() if self.ledger else {})
+
+    def set_numbers(self, numbers: dict[str, float]) -> None:
+        """As `numbers` gave them."""
+        self.time, self.number, self._part = numbers["time"], int(numbers["number"]), numbers["part"]
+        self.solver.scale = numbers["scale"]
+        if self.ledger:
+            self.ledger.set_numbers(numbers)
+
+    def fields(self) -> tuple[fem.FunctionSpace, list[tuple[str, str, Array]]]:
+        """The arrays of the last accepted step; see `checkpoint`."""
+        result = self.motion.fields()
+        for k, hook in enumerate(self.solver.hooks):
+            result.append((f"history{k}", "cells", hook.history.committed.reshape(-1)))
+            result.append((f"stress{k}", "cells", hook.stress.ref_coefficient.x.array))
+        return self.motion.q.function_space, result
+
+    def renew(self) -> None:
+        """Go on from what has been put into `fields` and `numbers`."""
+        self.motion.renew()
+        self.set_load(self.time)
+        self.solver.renew()
+        self.ts.setTime(self.time)
+        if self.ledger:
+            self.ledger.renew()
         self._began = True
 
     # -- what TS asks for -------------------------------------------------------------------------------------
@@ -184,4 +216,7 @@ class Newmark:
                 self.number += 1
                 bar.set_postfix_str(f"t={self.time:.4g} s, newton={self.iterations}, cuts={self.cuts}{note()}", refresh=False)
                 bar.update()
+                if self.comm.allreduce(self.interrupted):
+                    self.interrupted = False
+                    raise KeyboardInterrupt
                 yield Step(self.number, self.time, self.iterations, self.cuts, time.perf_counter() - clock)

@@ -50,12 +50,15 @@ class Ledger:
         self._damping = fem.form(damping) if damping else None
         self._stored = fem.form(stored) if stored else None
         self._works = [LawWork(hook, factor) for hook, factor in hooks]
+        self._tells = all(work.tells for work in self._works)
         self._vector = fempetsc.create_vector(self.motion.q.function_space)
         self._given = self.motion.given[self.motion.given < self._vector.local_size]
         self.totals = dict.fromkeys(
             ("kinetic", "recoverable", "by_law", "by_damping", "by_scheme", "external", "imbalance"), 0.0
         )
         """External work, where it is now, and where it went since the start."""
+        self.most = self.worst = 0.0
+        """Largest external work and largest imbalance so far, J, without their signs."""
         self._law = 0.0
         self._last: tuple[Array, ...] | None = None
         newmark.ledger = self
@@ -84,10 +87,11 @@ class Ledger:
         t["external"] += sums[0]
         t["by_damping"] += sums[1]
         t["by_scheme"] += sums[2] - (kinetic - t["kinetic"])
-        t["kinetic"], t["recoverable"] = kinetic, elastic + sums[4]
-        t["by_law"] = self._law - sums[4]
+        kept = sums[4] if self._tells else self._law
+        t["kinetic"], t["recoverable"], t["by_law"] = kinetic, elastic + kept, self._law - kept
         explained = sum(value for name, value in t.items() if name not in ("external", "imbalance"))
         t["imbalance"] = t["external"] - explained
+        self.most, self.worst = max(self.most, abs(t["external"])), max(self.worst, abs(t["imbalance"]))
 
     def row(self) -> dict[str, float]:
         """The totals with units, as columns of a `results.Table`."""
@@ -101,6 +105,25 @@ class Ledger:
             "external_work_J": t["external"],
             "imbalance_J": t["imbalance"],
         }
+
+    def numbers(self) -> dict[str, float]:
+        """The totals and what they are made of; each rank's own work of the laws is summed up."""
+        return {f"energy_{name}": value for name, value in self.totals.items()} | {
+            "energy_law": self._law,
+            "energy_most": self.most,
+            "energy_worst": self.worst,
+        }
+
+    def set_numbers(self, numbers: dict[str, float]) -> None:
+        """As `numbers` gave them."""
+        self.totals = {name: numbers[f"energy_{name}"] for name in self.totals}
+        self._law, self.most, self.worst = (numbers[f"energy_{name}"] for name in ("law", "most", "worst"))
+
+    def renew(self) -> None:
+        """Go on from a state that has been put in place from outside."""
+        self._last = self._forces()
+        for work in self._works:
+            work.start()
 
     def _elastic_energy(self) -> float:
         return 0.0 if self._stored is None else float(self.comm.allreduce(fem.assemble_scalar(self._stored)))
@@ -138,7 +161,7 @@ class LawWork:
         self._weights = weights.copy()
         self._weights[hook.owned_points :] = 0.0
         self._recoverable = getattr(hook.law, "recoverable", None)
-        self._total = 0.0
+        self.tells = self._recoverable is not None
 
     def start(self) -> None:
         """From the present strain on."""
@@ -159,8 +182,7 @@ class LawWork:
         hook.law.respond(self._strain + 0.5 * change, hook.history.committed, self._scratch)
         mean = (self._stress + 4.0 * self._scratch[0] + stress) / 6.0
         work = float(self._weights @ np.einsum("na,na->n", mean, change))
-        self._total += work
         self._strain, self._stress = strain.copy(), stress.copy()
         if self._recoverable is None:
-            return work, self._total
+            return work, 0.0
         return work, float(self._weights @ self._recoverable(strain, hook.history.trial))

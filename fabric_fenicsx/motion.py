@@ -119,6 +119,22 @@ class Motion:
         self._a1[:] = self.acceleration.x.array[:] = acceleration
         self.commit()
 
+    def fields(self) -> list[tuple[str, str, Array]]:
+        """What a checkpoint has to hold of it; see `checkpoint`."""
+        result = [(name, "unknowns", array) for name, array in self.accepted.items()]
+        result.append(("stage", "unknowns", self.acceleration.x.array))
+        if self.space is not None:
+            self._axes = self.space.axes()
+            result += [("e1", "unknowns", self._axes[0]), ("d0", "unknowns", self._axes[1])]
+        return result
+
+    def renew(self) -> None:
+        """Take over what has been put into `fields`."""
+        self.q.x.array[:], self.velocity.x.array[:] = self.accepted["q"], self.accepted["v"]
+        self._a1[:] = self.accepted["a"]
+        if self.space is not None:
+            self.space.set_axes(*self._axes)
+
     def kinetic(self) -> float:
         """Kinetic energy in J, over all ranks."""
         v = self.velocity.x.petsc_vec

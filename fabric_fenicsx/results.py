@@ -3,6 +3,7 @@
 import csv
 import ctypes
 import os
+from collections.abc import Sequence
 from pathlib import Path
 from types import TracebackType
 from typing import Any
@@ -120,6 +121,14 @@ def can_draw() -> str | None:
     )
 
 
+def film(path: Path, frames: Sequence[Path], seconds: float) -> None:
+    """Put pictures together into an animated `.gif` (or `.mp4`, where imageio has ffmpeg); on rank 0 alone."""
+    import imageio.v3 as iio
+
+    images = [iio.imread(frame)[::2, ::2, :3] for frame in frames]
+    iio.imwrite(path, np.stack(images), duration=1000 * seconds / len(images), loop=0)
+
+
 def picture(
     path: Path,
     u: fem.Function,
@@ -127,11 +136,14 @@ def picture(
     label: str,
     title: str = "",
     view: tuple[float, float, float] = (1.0, -2.0, 1.2),
+    limits: tuple[float, float] | None = None,
+    box: tuple[float, ...] | None = None,
 ) -> None:
     """Draw the deformed sheet, coloured by one value for each local cell, over its undeformed outline.
 
     To be called on every rank; rank 0 draws. `label` names the value with its unit. view: the direction
-    from the middle of a sheet in space to the eye; z is up.
+    from the middle of a sheet in space to the eye; z is up. limits: of the colours, and box: what to
+    have in sight (x0, x1, y0, y1, z0, z1), both that of this picture unless given (for frames of a film).
     """
     space = u.function_space
     domain = space.mesh
@@ -163,6 +175,7 @@ def picture(
     if high - low <= 1e-6 * max(abs(low), abs(high)):
         # a uniform value: without zero in the range, colours would show round-off
         low, high = min(low, 0.0), max(high, 0.0)
+    low, high = limits or (low, high)
     ends = np.array([grid.bounds, deformed.bounds]).reshape(2, 3, 2)
     low_corner, high_corner = ends[..., 0].min(axis=0), ends[..., 1].max(axis=0)
     width, height = (high_corner - low_corner)[:2]
@@ -211,6 +224,8 @@ def picture(
         plotter.camera.parallel_scale = size[1] * pixel / 2
     else:
         plotter.view_vector(view, viewup=(0, 0, 1))
+        if box is not None:
+            plotter.reset_camera(bounds=box)
         plotter.camera.SetWindowCenter(0.0, -(below - above) / size[1])
     plotter.screenshot(path)
     plotter.close()

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 
+import basix
 import numpy as np
 import ufl
 from dolfinx import fem
@@ -44,6 +45,7 @@ class Sheet:
             raise InputError(f"A thickness of {thickness!r} m is not a positive number.")
         self.domain, self.law, self.thickness = domain, law, float(thickness)
         self.internal, self.stored, self.hooks = Form([]), Form([]), []
+        self._strain: fem.Expression | None = None
         build = self._build_shell if kinematics == "shell" else self._build_membrane
         build(warp, element, layers, shear)
 
@@ -89,6 +91,17 @@ class Sheet:
             stress = weakform.elastic_stress(self.domain.mesh, stiffness, self.strain)
             self.internal += weakform.internal(stress, self.strain, self.q, self.test, factor, self.dx)
             self.stored += weakform.stored(stress, self.strain, factor, self.dx)
+
+    def cell_strain(self) -> np.ndarray:
+        """Mean strain over each local cell, in the components of `strain`; of a hook, at its last evaluation."""
+        if self.hooks:
+            return np.asarray(self.hooks[0].strain.mean(axis=1))
+        if self._strain is None:
+            points, _ = basix.make_quadrature(self.domain.mesh.basix_cell(), 2)
+            self._strain = fem.Expression(self.strain, points)
+        cells = self.domain.mesh.topology.index_map(2)
+        everywhere = np.arange(cells.size_local + cells.num_ghosts, dtype=np.int32)
+        return np.asarray(self._strain.eval(self.domain.mesh, everywhere).mean(axis=1))
 
     def mass(self, areal_mass: float, rotary: bool = True) -> Form:
         """Bilinear form of the mass for `motion.Motion`; areal mass in kg/m2, with or without that of directors (5.75)."""

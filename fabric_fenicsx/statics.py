@@ -67,7 +67,7 @@ class StaticSolver:
         # what the solver solves for: u itself, or displacement and angles of a shell
         self._y = u if space is None else fem.Function(space.W)
         self._accepted = self._y.x.array.copy()
-        self._scale = self._size = self._inertia = 0.0
+        self.scale = self._size = self._inertia = 0.0
         self._met = True
         self._fault: Exception | None = None
         self.residuals: list[float] = []
@@ -218,7 +218,7 @@ class StaticSolver:
         size, correction, residual = norms
         self.residuals.append(residual)
         # given displacements are in the norm in m, where a small one would pass for a small force
-        if self._met and residual <= self.rtol * max(self._scale, self._size):
+        if self._met and residual <= self.rtol * max(self.scale, self._size):
             return PETSc.SNES.ConvergedReason.CONVERGED_FNORM_RELATIVE
         # a thin shell is so stiff in its surface that round-off alone can be more force than that
         if self._met and iteration > 0 and correction <= 1e-9 * size:
@@ -294,7 +294,20 @@ class StaticSolver:
         if self._motion is not None:
             self._motion.commit()
         self._accepted = self._y.x.array.copy()
-        self._scale = max(self._scale, self._size)
+        self.scale = max(self.scale, self._size)
+
+    def renew(self) -> None:
+        """Take u, directors and histories as they have been set from outside for the last commit."""
+        if self._shell is None:
+            self._y.x.array[:] = self.u.x.array
+        else:
+            self._y.x.array[:] = self._shell.at_rest(self.u.x.array)
+            self._shell.turn(self._y, fem.Function(self.u.function_space))
+        self._accepted = self._y.x.array.copy()
+        for hook in self.hooks:
+            stress = hook.stress.ref_coefficient.x.array.copy()
+            hook.evaluate()
+            hook.stress.ref_coefficient.x.array[:] = stress
 
     def restore(self) -> None:
         """Back to the last commit."""

@@ -53,6 +53,14 @@ class Printed:
         kernels.printed(strain, state, *out, self._curves, *self._nu, self._hysteretic)
         return out
 
+    def recoverable(self, strain: Array, state: Array) -> Array:
+        """Work in J/m3 (n,) that a point of this strain, and the state after it, gives back.
+
+        Each stress is taken off by itself along the unloading modulus.
+        """
+        half = np.array([0.5 / curve[kernels.UNLOAD] for curve in self._curves])
+        return np.asarray(state[:, 3:6] ** 2 @ half)
+
     def beyond_calibration(self, strain: Array) -> str | None:
         """One sentence if a strain (n, 3) lies beyond the measured range, else None."""
         return beyond_calibration(self.fabric, strain)

@@ -30,6 +30,8 @@ class Section:
         self._moments = self._weights * self.heights ** np.arange(5 if quadratic else 3)[:, None]
         self.initial_state = np.tile(law.initial_state, layers)
         self.symmetric = law.symmetric
+        if hasattr(law, "recoverable"):
+            self.recoverable = self._recoverable
         self._scratch: tuple[Array, ...] = (np.empty((0, 3)), np.empty((0, 3)), np.empty((0, 3, 3)))
 
     def respond(
@@ -54,8 +56,8 @@ class Section:
         _integrate(stress, stiffness.reshape(-1, 9), self._moments, resultants, tangent)
         return out
 
-    def recoverable(self, strain: Array, state: Array) -> Array:
-        """Work in J/m2 (n,) that the layers give back, if the law can tell; else AttributeError."""
+    def _recoverable(self, strain: Array, state: Array) -> Array:
+        """Work in J/m2 (n,) that the layers give back."""
         n, layers = len(strain), len(self._powers)
         layer_strain = np.empty((n * layers, 3))
         _spread(np.ascontiguousarray(strain), self._powers, layer_strain)

@@ -1,0 +1,207 @@
+"""What the demos in motion share: laws by name, a run that leaves its history, fields, pictures and energies."""
+
+from mpi4py import MPI  # isort: skip  (first, as in every DOLFINx script: it loads the MPI library)
+
+import argparse
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from fabric_fenicsx import checkpoint, command, results, supports
+from fabric_fenicsx.errors import InputError
+from fabric_fenicsx.laws.printed import Printed
+from fabric_fenicsx.laws.svk import StVenantKirchhoff
+from fabric_fenicsx.laws.woven import Woven
+
+LAWS = ("continuous", "printed", "svk")
+
+
+def law(args, fabric):
+    """The law that the command line asks for, and a transverse shear modulus in Pa."""
+    if args.isotropic:
+        E, nu = args.isotropic
+        return StVenantKirchhoff.isotropic(E, nu), E / 2 / (1 + nu)
+    G = fabric.shear.modulus[0]
+    if args.law == "svk":
+        return StVenantKirchhoff.from_fabric(fabric, args.poisson), G
+    kind = {"continuous": Woven, "printed": Printed}[args.law]
+    return kind(fabric, args.poisson, shear_hysteresis=not args.no_shear_hysteresis), G
+
+
+def pair(text):
+    """Two numbers, as 8e6,0.25."""
+    try:
+        first, second = (command.number(part) for part in text.split(","))
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"{text} is not of the form 8e6,0.25") from None
+    return first, second
+
+
+def add_arguments(parser, end, rho):
+    """What every sheet in motion can be asked."""
+    parser.add_argument("--fabric", default="blend", help="name, or a TOML file")
+    parser.add_argument("--law", choices=LAWS, default="continuous")
+    parser.add_argument("--isotropic", type=pair, metavar="E,NU", help="linear elastic instead; Pa")
+    parser.add_argument("--poisson", choices=["measured", "lowered"], default="measured")
+    parser.add_argument("--no-shear-hysteresis", action="store_true")
+    parser.add_argument("--cells", type=command.positive, default=20, help="along a side, even")
+    parser.add_argument("--element", choices=["mitc4", "q1", "regge", "p2cr1"], default="mitc4")
+    parser.add_argument("--layers", type=command.positive, default=3)
+    parser.add_argument("--step", type=command.number, default=5.0, help="nominal time step, ms")
+    parser.add_argument("--end", type=command.number, default=end, help="s")
+    parser.add_argument("--rho", type=command.number, default=rho, help="left of the fastest oscillation after a step")
+    parser.add_argument("--rtol", type=command.number, default=1e-4, help="of Newton's method")
+    parser.add_argument("--damping", type=command.number, default=0.0, help="a of Rayleigh's a M, 1/s")
+    parser.add_argument("--no-rotary", action="store_true", help="directors without inertia")
+    parser.add_argument("--resume", type=Path, help="go on from this checkpoint")
+    parser.add_argument("--animation", action="store_true", help="a gif of 50 frames")
+
+
+@dataclass
+class Scene:
+    """A run in motion and what is asked of it. probes: column -> function; cell_value: local array to colour by."""
+
+    name: str
+    sheet: object
+    run: object
+    ledger: object
+    probes: dict
+    cell_value: object
+    label: str
+    settings: str
+
+
+def play(scene, args, out, progress):
+    """Run to the end: the table. What fails, or is interrupted, leaves a checkpoint in the folder."""
+    sheet, run = scene.sheet, scene.run
+    comm = run.comm
+    u = sheet.q.sub(0).collapse() if sheet.shell else sheet.q
+    dofs = sheet.q.function_space.sub(0).collapse()[1] if sheet.shell else slice(None)
+    film = []
+    if args.resume:
+        checkpoint.load(args.resume, run, scene.settings)
+        command.say(f"gone on from t = {run.time:g} s")
+
+    def shown():
+        u.x.array[:] = sheet.q.x.array[dofs]
+        return u, scene.cell_value()
+
+    state = out / "checkpoint.npz"
+    fields = results.Fields(out / "fields.bp", u, ("value",))
+    with results.Table(out / "history.csv", comm) as table, checkpoint.guard(state, run, scene.settings):
+        for step in run.march(args.end, args.step * 1e-3, progress=progress and scene.name, note=note(scene.ledger)):
+            table.row(
+                time_s=step.load,
+                **{name: probe() for name, probe in scene.probes.items()},
+                newton_iterations=step.newton_iterations,
+                step_cuts=step.step_cuts,
+                **scene.ledger.row(),
+                wall_s=step.wall_s,
+            )
+            u, value = shown()
+            fields.write(step.load, value=value)
+            if args.animation:
+                film.append((step.load, u.x.array.copy(), value.copy()))
+    fields.close()
+    checkpoint.save(state, run, scene.settings)
+    if comm.rank == 0:
+        plot(out / "energy.png", table, scene)
+    results.picture(out / "deformed.png", *shown(), scene.label, f"{scene.name}, t = {run.time:g} s")
+    if film:
+        animate(out, scene, u, film)
+    return table
+
+
+def note(ledger):
+    """What the progress bar adds."""
+    return lambda: f", imbalance={100 * ledger.totals['imbalance'] / max(ledger.most, 1e-30):.2g} %"
+
+
+def animate(out, scene, u, film):
+    """Frames, with one scale and one camera, and the gif made of them."""
+    film = film[:: max(1, len(film) // 50)]
+    comm = scene.run.comm
+    folder = results.folder(out / "frames", comm)
+    lowest, highest = -np.inf * np.ones(4), -np.inf * np.ones(4)
+    x = u.function_space.tabulate_dof_coordinates()
+    for _, array, value in film:
+        # of the three coordinates and the value, on this rank; a rank may be without cells
+        places = x + array.reshape(-1, 3)
+        for sign, extreme in ((-1, lowest), (1, highest)):
+            here = [*(sign * places).max(axis=0, initial=-np.inf), (sign * value).max(initial=-np.inf)]
+            np.maximum(extreme, here, out=extreme)
+    low, high = (np.empty(4) for _ in range(2))
+    comm.Allreduce(lowest, low, MPI.MAX)
+    comm.Allreduce(highest, high, MPI.MAX)
+    box, limits = tuple(np.column_stack([-low, high])[:3].ravel()), (-low[3], high[3])
+    pictures = []
+    for number, (t, array, value) in enumerate(film):
+        u.x.array[:] = array
+        pictures.append(folder / f"{number:04d}.png")
+        title = f"{scene.name}, t = {t:.3f} s"
+        results.picture(pictures[-1], u, value, scene.label, title, limits=limits, box=box)
+    if comm.rank == 0 and pictures[-1].exists():
+        results.film(out / "animation.gif", pictures, seconds=5.0)
+
+
+def plot(path, table, scene):
+    """Where the work is, over time, and the first probe."""
+    from matplotlib.figure import Figure
+
+    t = table.column("time_s")
+    figure = Figure(figsize=(10, 4), layout="constrained")
+    left, right = figure.subplots(1, 2)
+    kinds = {
+        "kinetic_J": "kinetic", "recoverable_J": "recoverable", "dissipated_J": "dissipated by the law",
+        "damped_J": "by damping", "scheme_J": "by the scheme",
+    }  # fmt: skip
+    kinds = {name: label for name, label in kinds.items() if np.abs(table.column(name)).max() > 0}
+    parts = [np.maximum(table.column(name), 0.0) for name in kinds]
+    left.stackplot(t, parts, labels=kinds.values(), alpha=0.8)
+    left.plot(t, table.column("external_work_J"), "k-", lw=1.5, label="external work")
+    left.set(xlabel="time, s", ylabel="energy, J", title=f"{scene.name}: where the work goes")
+    left.legend(fontsize=8)
+    name = next(iter(scene.probes))
+    right.plot(t, table.column(name), "C0.-")
+    quantity, unit = name.rsplit("_", 1)
+    right.set(xlabel="time, s", ylabel=f"{quantity.replace('_', ' ')}, {unit}")
+    right.grid(alpha=0.3)
+    figure.savefig(path, dpi=150)
+
+
+def summary(table, ledger):
+    """One line on steps, iterations, cuts and energies, and the imbalance in percent of the largest external work."""
+    iterations, imbalance = table.column("newton_iterations"), 100 * ledger.worst / max(ledger.most, 1e-300)
+    t = ledger.totals
+    command.say(
+        f"{len(iterations)} steps, {iterations.mean():.1f} Newton iterations a step, {table.column('step_cuts').sum():g} cuts, "
+        f"{table.column('wall_s').sum():.1f} s\nenergy: external work {t['external']:.4g} J at the end, {ledger.most:.4g} J at most;"
+        f" kinetic {t['kinetic']:.3g}, recoverable {t['recoverable']:.3g}, dissipated by the law {t['by_law']:.3g}, "
+        f"by damping {t['by_damping']:.3g}, by the scheme {t['by_scheme']:.3g} J; largest imbalance {imbalance:.2f} %"
+    )
+    return imbalance
+
+
+def even(cells):
+    """Refuse an odd number of cells: the middle would be no node."""
+    if cells % 2:
+        raise InputError(f"--cells {cells} is odd; take an even number, so that the middle is a node.")
+    return cells
+
+
+def value_at(sheet, component, group):
+    """Mean displacement along an axis at a group of the mesh, m; a function."""
+    dofs = supports.unknowns(sheet.domain, sheet.space, group, component)
+    owned = dofs[dofs < sheet.q.function_space.dofmap.index_map.size_local * sheet.q.function_space.dofmap.index_map_bs]
+
+    def value():
+        total, count = sheet.domain.mesh.comm.allreduce(np.array([sheet.q.x.array[owned].sum(), len(owned)]))
+        return total / count
+
+    return value
+
+
+def yarn_strain(sheet):
+    """A function that gives the larger of the mean warp and weft strain of each local cell."""
+    return lambda: sheet.cell_strain()[:, :2].max(axis=1)
