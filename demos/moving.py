@@ -171,14 +171,16 @@ def plot(path, table, scene):
 
 
 def summary(table, ledger):
-    """One line on steps, iterations, cuts and energies, and the imbalance in percent of the largest external work."""
+    """Two lines on steps and energies; the largest imbalance in percent of the largest external work."""
     iterations, imbalance = table.column("newton_iterations"), 100 * ledger.worst / max(ledger.most, 1e-300)
-    t = ledger.totals
+    cuts, seconds, t = table.column("step_cuts").sum(), table.column("wall_s").sum(), ledger.totals
     command.say(
-        f"{len(iterations)} steps, {iterations.mean():.1f} Newton iterations a step, {table.column('step_cuts').sum():g} cuts, "
-        f"{table.column('wall_s').sum():.1f} s\nenergy: external work {t['external']:.4g} J at the end, {ledger.most:.4g} J at most;"
-        f" kinetic {t['kinetic']:.3g}, recoverable {t['recoverable']:.3g}, dissipated by the law {t['by_law']:.3g}, "
-        f"by damping {t['by_damping']:.3g}, by the scheme {t['by_scheme']:.3g} J; largest imbalance {imbalance:.2f} %"
+        f"{len(iterations)} steps, {iterations.mean():.1f} Newton iterations a step, {cuts:g} cuts, {seconds:.1f} s"
+    )
+    command.say(
+        f"energy: external work {t['external']:.4g} J, {ledger.most:.4g} J at most; kinetic {t['kinetic']:.3g}, "
+        f"recoverable {t['recoverable']:.3g}, by the law {t['by_law']:.3g}, by damping {t['by_damping']:.3g}, "
+        f"by the scheme {t['by_scheme']:.3g} J; largest imbalance {imbalance:.2f} %"
     )
     return imbalance
 

@@ -47,7 +47,7 @@ def save(path: str | Path, run: Run, scene: str = "") -> None:
     parts = {name: _rows(space, kind, array)[:owned] for name, kind, array in fields}
     gathered = run.comm.gather((order, parts), 0)
     mark, fault = identity(mesh), None
-    if run.comm.rank == 0:
+    if gathered is not None:
         place = np.argsort(np.concatenate([rank[0] for rank in gathered]))
         arrays = {name: np.concatenate([rank[1][name] for rank in gathered])[place] for name in parts}
         numbers = run.numbers()
@@ -55,10 +55,10 @@ def save(path: str | Path, run: Run, scene: str = "") -> None:
         rough = path.with_name(path.name + ".part")
         try:
             with open(rough, "wb") as file:
-                np.savez(
-                    file, format=FORMAT, mesh=mark, scene=scene, names=list(numbers), numbers=list(numbers.values()),
-                    **{f"cell_{name}": array for name, array in arrays.items()},
-                )  # fmt: skip
+                content = {f"cell_{name}": array for name, array in arrays.items()}
+                content |= {"format": np.array(FORMAT), "mesh": np.array(mark), "scene": np.array(scene)}
+                content |= {"names": np.array(list(numbers)), "numbers": np.array(list(numbers.values()))}
+                np.savez(file, allow_pickle=False, **content)
             os.replace(rough, path)
         except OSError as error:
             fault = f"The checkpoint {str(path)!r} cannot be written ({error.strerror})."
@@ -133,7 +133,7 @@ def identity(mesh: Any) -> str:
     places = mesh.geometry.x[mesh.geometry.dofmaps[0][:owned]]
     gathered = mesh.comm.gather((order, places), 0)
     mark = None
-    if mesh.comm.rank == 0:
+    if gathered is not None:
         order, places = (np.concatenate([rank[k] for rank in gathered]) for k in (0, 1))
         mark = hashlib.sha256(np.ascontiguousarray(places[np.argsort(order)]).tobytes()).hexdigest()
     return str(mesh.comm.bcast(mark, 0))

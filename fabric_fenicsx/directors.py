@@ -85,29 +85,28 @@ class ShellSpace:
 
         # the same cell's unknowns in V and W, one after the other
         V, W = self.V.dofmap.list, self.W.dofmap.list
-        nodes = V.shape[1] - W.shape[1]
-        split = V.shape[1] - 3 * nodes
+        split = V.shape[1] - 3 * (V.shape[1] - W.shape[1])
         self._u = np.unique(np.column_stack([V[:, :split].ravel(), W[:, :split].ravel()]), axis=0)
         in_v, in_w = V[:, split:].reshape(-1, 3), W[:, split:].reshape(-1, 2)
         _, first = np.unique(in_v[:, 0], return_index=True)
-        self._d, self._theta = in_v[first], in_w[first]
-        """Unknowns of each local node: of its director in V, of its angles in W."""
-        self._owned = self._d[:, 0] < self.V.dofmap.index_map.size_local
+        self.nodes, self._theta = in_v[first], in_w[first]
+        """Unknowns of each local node: of its director in V (nodes, 3), of its angles in W (nodes, 2)."""
+        self._owned = self.nodes[:, 0] < self.V.dofmap.index_map.size_local
 
         directors, in_v = self.V.sub(1).collapse()
         self.normal = fem.Function(directors, name="normal")
         self._in_v = in_v[0]
         self._start = self._normals()
         self.frame = _frames(self._start)
-        """(e1, e2, d0) of each node at the last commit, shape (nodes, 3, 3), rows the vectors."""
-        self._angles = np.zeros((len(self._d), 2))
-        self._derivative = np.empty((len(self._d), 2, 3))
+        """(e1, e2, d0) of each node at the last commit, (nodes, 3, 3)."""
+        self._angles = np.zeros((len(self.nodes), 2))
+        self._derivative = np.empty((len(self.nodes), 2, 3))
         self._map = self._transformation()
 
     def function(self) -> fem.Function:
         """A new (u, d) in V at rest: no displacement, the reference directors."""
         q = fem.Function(self.V)
-        q.x.array[self._d] = self._start
+        q.x.array[self.nodes] = self._start
         return q
 
     def _normals(self) -> Array:
@@ -128,7 +127,7 @@ class ShellSpace:
         self.normal.x.array[:] = _unit(sums).ravel()
         values = fem.Function(self.V).x.array
         values[self._in_v] = self.normal.x.array
-        return values[self._d]
+        return values[self.nodes]
 
     def _transformation(self) -> PETSc.Mat:
         """The matrix d(u, d)/d(u, theta), V rows by W columns; `turn` fills in the directors' part."""
@@ -141,26 +140,21 @@ class ShellSpace:
         matrix.setLGMap(*(PETSc.LGMap().create(i.astype(PETSc.IntType), comm=self.mesh.comm) for i in indices))
         owned = self._u[self._u[:, 0] < maps[0].size_local].astype(PETSc.IntType)
         matrix.setValuesLocalRCV(owned[:, :1], owned[:, 1:], np.ones((len(owned), 1)))
-        rows = self._d[self._owned].reshape(-1, 1).astype(PETSc.IntType)
+        rows = self.nodes[self._owned].reshape(-1, 1).astype(PETSc.IntType)
         self._rows, self._columns = rows, np.repeat(self._theta[self._owned], 3, axis=0).astype(PETSc.IntType)
         matrix.setValuesLocalRCV(self._rows, self._columns, np.zeros(self._columns.shape))
         matrix.assemble()
         return matrix
 
-    @property
-    def nodes(self) -> np.ndarray:
-        """Unknowns of each local node's director in V, shape (nodes, 3)."""
-        return self._d
-
     def axes(self) -> tuple[Array, Array]:
         """e1 and d0 of each node's frame, as local arrays of V with zeros elsewhere."""
         values = np.zeros((2, len(self.function().x.array)))
-        values[0][self._d], values[1][self._d] = self.frame[:, 0], self.frame[:, 2]
+        values[0][self.nodes], values[1][self.nodes] = self.frame[:, 0], self.frame[:, 2]
         return values[0], values[1]
 
     def set_axes(self, e1: Array, d0: Array) -> None:
         """Lay the frames along these, as `axes` gives them."""
-        e1, d0 = e1[self._d], d0[self._d]
+        e1, d0 = e1[self.nodes], d0[self.nodes]
         self.frame = np.stack([e1, np.cross(d0, e1), d0], axis=1)
 
     def at_rest(self, q: Array) -> Array:
@@ -176,7 +170,7 @@ class ShellSpace:
         q.x.array[self._u[:, 0]] = y.x.array[self._u[:, 1]]
         self._angles = y.x.array[self._theta]
         d, self._derivative = _turned(self.frame, self._angles)
-        q.x.array[self._d] = d
+        q.x.array[self.nodes] = d
         values = self._derivative[self._owned].transpose(0, 2, 1).reshape(-1, 2)
         self._map.setValuesLocalRCV(self._rows, self._columns, np.ascontiguousarray(values))
         self._map.assemble()
@@ -187,7 +181,7 @@ class ShellSpace:
 
         force: residual in V, at the last `turn`.
         """
-        r = force.array_r[self._d[self._owned]]
+        r = force.array_r[self.nodes[self._owned]]
         second = _second(self.frame[self._owned], self._angles[self._owned], r)
         nodes = self.W.dofmap.index_map.local_to_global(self._theta[self._owned].astype(np.int32).ravel())
         nodes = nodes.astype(PETSc.IntType).reshape(-1, 2)
@@ -214,7 +208,7 @@ class ShellSpace:
         given = np.zeros(len(self.function().x.array), dtype=bool)
         for bc in bcs:
             given[bc.dof_indices()[0]] = True
-        which = given[self._d]
+        which = given[self.nodes]
         count = which.sum(axis=1)
         partly = np.flatnonzero((count == 1) | (count == 2))
         d = self.frame[partly, 2]
@@ -243,7 +237,7 @@ class ShellSpace:
         result[self._u[:, 1]] = values[self._u[:, 0]]
         frame = self.frame[self._led]
         # two components given: the third is the director's own (a corner of two planes of symmetry)
-        d = _unit(np.where(self._led_given, values[self._d[self._led]], frame[:, 2]))
+        d = _unit(np.where(self._led_given, values[self.nodes[self._led]], frame[:, 2]))
         along = np.einsum("nij,nj->ni", frame, d)
         sine = np.linalg.norm(along[:, :2], axis=1)
         angle = np.arctan2(sine, along[:, 2])

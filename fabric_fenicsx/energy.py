@@ -73,24 +73,33 @@ class Ledger:
         self.totals["recoverable"] = self._elastic
         self.totals["external"] = self.totals["kinetic"] + self._elastic
 
-    def update(self) -> None:
-        """Account for the step that has been solved and is about to be committed."""
+    def weigh(self) -> float:
+        """Account for the step that is solved but not yet committed; what it adds to the imbalance, J."""
         assert self._last is not None
         q0, fe0, fd0, ma0, r0 = self._last
-        self._last = q1, fe1, fd1, ma1, r1 = self._forces()
+        self._next = q1, fe1, fd1, ma1, r1 = self._forces()
         dq = q1 - q0
         local = [(fe0 + fe1) @ dq + (r0 + r1) @ dq[self._given], (fd0 + fd1) @ dq, (ma0 + ma1) @ dq]
-        works = np.array([work.advance() for work in self._works]).reshape(-1, 2).sum(axis=0)
+        works = np.array([work.weigh() for work in self._works]).reshape(-1, 2).sum(axis=0)
         sums = self.comm.allreduce(np.array([*(0.5 * np.array(local)), *works]))
-        t, kinetic, elastic = self.totals, self.motion.kinetic(), self._elastic_energy()
-        self._law += sums[3]
+        t, kinetic, elastic = self.totals.copy(), self.motion.kinetic(), self._elastic_energy()
+        self._law_next = self._law + sums[3]
+        kept = sums[4] if self._tells else self._law_next
         t["external"] += sums[0]
         t["by_damping"] += sums[1]
         t["by_scheme"] += sums[2] - (kinetic - t["kinetic"])
-        kept = sums[4] if self._tells else self._law
-        t["kinetic"], t["recoverable"], t["by_law"] = kinetic, elastic + kept, self._law - kept
+        t["kinetic"], t["recoverable"], t["by_law"] = kinetic, elastic + kept, self._law_next - kept
         explained = sum(value for name, value in t.items() if name not in ("external", "imbalance"))
         t["imbalance"] = t["external"] - explained
+        self._totals_next = t
+        return t["imbalance"] - self.totals["imbalance"]
+
+    def accept(self) -> None:
+        """The step that was weighed is committed."""
+        t = self.totals = self._totals_next
+        self._last, self._law = self._next, self._law_next
+        for work in self._works:
+            work.start()
         self.most, self.worst = max(self.most, abs(t["external"])), max(self.worst, abs(t["imbalance"]))
 
     def row(self) -> dict[str, float]:
@@ -162,19 +171,19 @@ class LawWork:
         self._weights[hook.owned_points :] = 0.0
         self._recoverable = getattr(hook.law, "recoverable", None)
         self.tells = self._recoverable is not None
+        n, m = self._now()[0].shape
+        self._scratch = np.empty((n, m)), np.empty((n, m, m)), np.empty_like(hook.history.committed)
 
     def start(self) -> None:
         """From the present strain on."""
         strain, stress = self._now()
-        n, m = strain.shape
         self._strain, self._stress = strain.copy(), stress.copy()
-        self._scratch = np.empty((n, m)), np.empty((n, m, m)), np.empty_like(self.hook.history.committed)
 
     def _now(self) -> tuple[Array, Array]:
         m = self.hook.strain.shape[-1]
         return self.hook.strain.reshape(-1, m), self.hook.stress.ref_coefficient.x.array.reshape(-1, m)
 
-    def advance(self) -> tuple[float, float]:
+    def weigh(self) -> tuple[float, float]:
         """Work of the step that is about to be committed, and what is recoverable after it."""
         hook = self.hook
         strain, stress = self._now()
@@ -182,7 +191,6 @@ class LawWork:
         hook.law.respond(self._strain + 0.5 * change, hook.history.committed, self._scratch)
         mean = (self._stress + 4.0 * self._scratch[0] + stress) / 6.0
         work = float(self._weights @ np.einsum("na,na->n", mean, change))
-        self._strain, self._stress = strain.copy(), stress.copy()
         if self._recoverable is None:
             return work, 0.0
         return work, float(self._weights @ self._recoverable(strain, hook.history.trial))

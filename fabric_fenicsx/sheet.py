@@ -44,7 +44,9 @@ class Sheet:
         if not (np.isfinite(thickness) and thickness > 0.0):
             raise InputError(f"A thickness of {thickness!r} m is not a positive number.")
         self.domain, self.law, self.thickness = domain, law, float(thickness)
-        self.internal, self.stored, self.hooks = Form([]), Form([]), []
+        self.internal, self.stored = Form([]), Form([])
+        self.hooks: list[LawHook] = []
+        self.shell: directors.ShellSpace | None = None
         self._strain: fem.Expression | None = None
         build = self._build_shell if kinematics == "shell" else self._build_membrane
         build(warp, element, layers, shear)
@@ -72,7 +74,7 @@ class Sheet:
     ) -> None:
         mesh = self.domain.mesh
         degree = 2 if mesh.basix_cell().name == "triangle" and element != "p1" else 1
-        self.shell, self.space = None, fem.functionspace(mesh, ("Lagrange", degree, (3,)))
+        self.space = fem.functionspace(mesh, ("Lagrange", degree, (3,)))
         self.q, self.test = fem.Function(self.space), ufl.TestFunction(self.space)
         self.u, self.v = self.q, self.test
         self.dx = ufl.Measure("dx", mesh, metadata={"quadrature_degree": 2, "quadrature_scheme": "default"})
@@ -104,7 +106,7 @@ class Sheet:
         return np.asarray(self._strain.eval(self.domain.mesh, everywhere).mean(axis=1))
 
     def mass(self, areal_mass: float, rotary: bool = True) -> Form:
-        """Bilinear form of the mass for `motion.Motion`; areal mass in kg/m2, with or without that of directors (5.75)."""
+        """Bilinear form of the mass for `motion.Motion`, with or without directors (5.75); areal mass in kg/m2."""
         dx = ufl.Measure("dx", self.domain.mesh, metadata={"quadrature_degree": 4})
         trial = ufl.TrialFunction(self.q.function_space)
         if self.shell is None:

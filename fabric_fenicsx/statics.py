@@ -17,7 +17,6 @@ from .continuation import march as march
 from .directors import ShellSpace
 from .errors import StepFailed
 from .hook import LawHook, derive, forget_traversals
-from .motion import Motion
 
 _prefix = itertools.count()
 
@@ -45,7 +44,7 @@ class StaticSolver:
     space of u, whose values may change between solves. hooks: every `LawHook` whose stress is in
     the residual. rtol: a step is solved when the residual at the free unknowns is below rtol times the
     largest internal or support force so far, or the last correction below 1e-9 of the displacement.
-    options: PETSc options, over `OPTIONS`. motion: what adds inertia, for `dynamics`.
+    options: PETSc options, over `OPTIONS`.
 
     The SNES itself is `snes`; the compiled forms are `residual_form` and `jacobian_form`.
     """
@@ -59,21 +58,19 @@ class StaticSolver:
         rtol: float = 1e-6,
         options: dict[str, object] | None = None,
         space: ShellSpace | None = None,
-        motion: Motion | None = None,
     ) -> None:
-        self.u, self.hooks, self.rtol, self._shell, self._motion = u, tuple(hooks), rtol, space, motion
+        self.u, self.hooks, self.rtol, self._shell = u, tuple(hooks), rtol, space
         self._bcs = list(bcs)
         self.comm = u.function_space.mesh.comm
         # what the solver solves for: u itself, or displacement and angles of a shell
         self._y = u if space is None else fem.Function(space.W)
         self._accepted = self._y.x.array.copy()
-        self.scale = self._size = self._inertia = 0.0
+        self.scale = self._size = 0.0
         self._met = True
         self._fault: Exception | None = None
         self.residuals: list[float] = []
         """Norms of the residual in the last solve, N."""
-        rate = (motion.velocity, motion.rate) if motion else None
-        form, jacobian = (fem.form(f) for f in derive(residual, u, self.hooks, rate))
+        form, jacobian = (fem.form(f) for f in derive(residual, u, self.hooks, self.rate))
         self.residual_form, self.jacobian_form = form, jacobian
         self._force = fempetsc.create_vector(u.function_space)
         self._x, self._b = (fempetsc.create_vector(self._y.function_space) for _ in range(2))
@@ -118,8 +115,6 @@ class StaticSolver:
         fempetsc.assign(x, self._y)
         if self._shell is not None:
             self._shell.turn(self._y, self.u)
-        if self._motion is not None:
-            self._motion.follow()
 
     def _assemble_force(self) -> None:
         """Residual at the present u with no condition applied: at supports, the reactions."""
@@ -127,10 +122,6 @@ class StaticSolver:
             local.set(0.0)
         fempetsc.assemble_vector(self._force, self.residual_form)
         self._force.ghostUpdate(PETSc.InsertMode.ADD, PETSc.ScatterMode.REVERSE)
-        if self._motion is not None:
-            inertia = self._motion.inertia()
-            self._inertia = inertia.norm(PETSc.NormType.NORM_INFINITY)
-            self._force.axpy(1.0, inertia)
 
     def _residual(self, snes: PETSc.SNES, x: PETSc.Vec, b: PETSc.Vec) -> None:
         # never raise in here: whatever fails, on any rank, must fail the step on every rank
@@ -151,7 +142,7 @@ class StaticSolver:
             self._force.copy(b)
         else:
             self._transformation.multTranspose(self._force, b)
-        self._size = max(self._inertia, b.norm(PETSc.NormType.NORM_INFINITY))
+        self._size = b.norm(PETSc.NormType.NORM_INFINITY)
         gap = x.array_r[self._given] - self._targets[self._given]
         b.array_w[self._given] = gap
         met = np.abs(gap).max(initial=0.0) <= 1e-10 * x.norm(PETSc.NormType.NORM_INFINITY)
@@ -161,13 +152,18 @@ class StaticSolver:
         self._K.zeroEntries()
         fempetsc.assemble_matrix(self._K, self.jacobian_form)
         self._K.assemble()
-        if self._motion is not None:
-            self._K.axpy(self._motion.shift, self._motion.mass, PETSc.Mat.Structure.SAME_NONZERO_PATTERN)
+        self._add_to_jacobian(self._K)
         if self._shell is not None:
             self._K.ptap(self._transformation, result=A)
             self._shell.add_curvature(A, self._force)
         # rows only: given values that move need the columns
         A.zeroRows(self._given_rows, 1.0)
+
+    rate: tuple[fem.Function, fem.Constant] | None = None
+    """For `motion.MovingSolver`: a velocity in the residual, and its derivative by u."""
+
+    def _add_to_jacobian(self, K: PETSc.Mat) -> None:
+        """For `motion.MovingSolver`."""
 
     def _move_supports(self) -> int:
         """Meet the given values by one linear step of the whole sheet, if they are not met; 1 if it was needed.
@@ -257,32 +253,6 @@ class StaticSolver:
             + (f"; largest strain in {worst[1]}" if worst[1] else "")
         )
 
-    def accelerate(self) -> np.ndarray:
-        """Acceleration (local array) with which the present u starts, from M a + residual = 0.
-
-        `motion.acceleration` holds what is known of it: at given unknowns, and along directors. Unknowns
-        without mass get none.
-        """
-        motion = self._motion
-        assert motion is not None
-        b = self.residual(self.begin())
-        mass = motion.mass if self._shell is None else motion.mass.ptap(self._transformation)
-        massless = np.flatnonzero(mass.getDiagonal().array_r == 0.0) + mass.getOwnershipRange()[0]
-        fixed = np.union1d(self._given_rows, massless).astype(PETSc.IntType)
-        mass = mass.copy()
-        mass.zeroRows(fixed, 1.0)
-        b.array_w[fixed - mass.getOwnershipRange()[0]] = 0.0
-        self.snes.ksp.setOperators(mass)
-        correction = b.duplicate()
-        self.snes.ksp.solve(b, correction)
-        a = fem.Function(self.u.function_space)
-        if self._shell is None:
-            correction.copy(a.x.petsc_vec)
-        else:
-            self._transformation.mult(correction, a.x.petsc_vec)
-        a.x.scatter_forward()
-        return np.asarray(motion.acceleration.x.array - a.x.array)
-
     def commit(self) -> None:
         """Accept the present u: the only call that moves the past."""
         for hook in self.hooks:
@@ -291,31 +261,14 @@ class StaticSolver:
             hook.commit()
         if self._shell is not None:
             self._shell.commit(self._y)
-        if self._motion is not None:
-            self._motion.commit()
         self._accepted = self._y.x.array.copy()
         self.scale = max(self.scale, self._size)
-
-    def renew(self) -> None:
-        """Take u, directors and histories as they have been set from outside for the last commit."""
-        if self._shell is None:
-            self._y.x.array[:] = self.u.x.array
-        else:
-            self._y.x.array[:] = self._shell.at_rest(self.u.x.array)
-            self._shell.turn(self._y, fem.Function(self.u.function_space))
-        self._accepted = self._y.x.array.copy()
-        for hook in self.hooks:
-            stress = hook.stress.ref_coefficient.x.array.copy()
-            hook.evaluate()
-            hook.stress.ref_coefficient.x.array[:] = stress
 
     def restore(self) -> None:
         """Back to the last commit."""
         self._y.x.array[:] = self._accepted
         if self._shell is not None:
             self._shell.turn(self._y, self.u)
-        if self._motion is not None:
-            self._motion.restore()
         for hook in self.hooks:
             hook.evaluate()
 

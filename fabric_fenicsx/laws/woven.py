@@ -92,7 +92,9 @@ class Woven:
         Each yarn family is unloaded by itself, under uniaxial stress, and so is shear, until the stress is gone.
         """
         energy = np.empty(len(strain))
-        kernels.woven_recoverable(strain, state, energy, self._curves, *self._nu, self.shear_hysteresis, self.reciprocal)
+        kernels.woven_recoverable(
+            strain, state, energy, self._curves, *self._nu, self.shear_hysteresis, self.reciprocal
+        )
         return energy
 
     def beyond_calibration(self, strain: Array) -> str | None:
