@@ -15,7 +15,7 @@ from pathlib import Path
 import moving
 import ufl
 
-from fabric_fenicsx import command, dynamics, energy, fabrics, meshing, motion, results, sheet, supports
+from fabric_fenicsx import command, energy, fabrics, meshing, motion, results, sheet, supports
 
 MESH = Path(__file__).parent.parent / "meshes" / "drape.geo"
 SIDE, G = 2.0, 9.81
@@ -35,7 +35,7 @@ def scene(args, comm=MPI.COMM_WORLD):
     moved = motion.Motion(
         cloth.q, cloth.mass(areal_mass, not args.no_rotary), cloth.shell, rho=args.rho, damping=args.damping
     )
-    run = dynamics.Newmark(moved, cloth.internal - weight, bcs, cloth.hooks, rtol=args.rtol)
+    run = moving.runner(args, moved, cloth.internal - weight, bcs, cloth)
     ledger = energy.Ledger(run, weight, cloth.stored, [(hook, 1.0) for hook in cloth.hooks])
     probes = {"center_z_m": moving.value_at(cloth, 2, "centre")}
     what = f"isotropic {args.isotropic}" if args.isotropic else f"{fabric.name}, {args.law}"

@@ -3,12 +3,13 @@
 from mpi4py import MPI  # isort: skip  (first, as in every DOLFINx script: it loads the MPI library)
 
 import argparse
+import contextlib
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-from fabric_fenicsx import checkpoint, command, results, supports
+from fabric_fenicsx import checkpoint, command, dynamics, explicit, results, supports
 from fabric_fenicsx.errors import InputError
 from fabric_fenicsx.laws.printed import Printed
 from fabric_fenicsx.laws.svk import StVenantKirchhoff
@@ -50,12 +51,24 @@ def add_arguments(parser, end, rho):
     parser.add_argument("--layers", type=command.positive, default=3)
     parser.add_argument("--step", type=command.number, default=5.0, help="nominal time step, ms")
     parser.add_argument("--end", type=command.number, default=end, help="s")
+    parser.add_argument("--method", choices=["implicit", "explicit"], default="implicit")
     parser.add_argument("--rho", type=command.number, default=rho, help="left of the fastest oscillation after a step")
     parser.add_argument("--rtol", type=command.number, default=1e-4, help="of Newton's method")
     parser.add_argument("--damping", type=command.number, default=0.0, help="a of Rayleigh's a M, 1/s")
     parser.add_argument("--no-rotary", action="store_true", help="directors without inertia")
     parser.add_argument("--resume", type=Path, help="go on from this checkpoint")
     parser.add_argument("--animation", action="store_true", help="a gif of 50 frames")
+
+
+def runner(args, moved, residual, bcs, cloth, set_load=lambda t: None):
+    """The time integrator that the command line asks for; explicit steps are of its own choice."""
+    if args.method == "implicit":
+        return dynamics.Newmark(moved, residual, bcs, cloth.hooks, set_load, rtol=args.rtol)
+    if args.resume:
+        raise InputError("--resume goes on with implicit runs only.")
+    run = explicit.CentralDifference(moved, residual, bcs, cloth.hooks, set_load)
+    command.say(f"stable step {run.stable * 1e6:.3g} us; inertia of directors times {run.rotary:.3g}")
+    return run
 
 
 @dataclass
@@ -88,8 +101,9 @@ def play(scene, args, out, progress):
         return u, scene.cell_value()
 
     state = out / "checkpoint.npz"
+    saved = checkpoint.guard(state, run, scene.settings) if args.method == "implicit" else contextlib.nullcontext()
     fields = results.Fields(out / "fields.bp", u, ("value",))
-    with results.Table(out / "history.csv", comm) as table, checkpoint.guard(state, run, scene.settings):
+    with results.Table(out / "history.csv", comm) as table, saved:
         for step in run.march(args.end, args.step * 1e-3, progress=progress and scene.name, note=note(scene.ledger)):
             table.row(
                 time_s=step.load,
@@ -104,7 +118,8 @@ def play(scene, args, out, progress):
             if args.animation:
                 film.append((step.load, u.x.array.copy(), value.copy()))
     fields.close()
-    checkpoint.save(state, run, scene.settings)
+    if args.method == "implicit":
+        checkpoint.save(state, run, scene.settings)
     if comm.rank == 0:
         plot(out / "energy.png", table, scene)
     results.picture(out / "deformed.png", *shown(), scene.label, f"{scene.name}, t = {run.time:g} s")

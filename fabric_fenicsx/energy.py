@@ -22,14 +22,15 @@ from petsc4py import PETSc
 from ufl.form import Form
 
 from .dynamics import Newmark
+from .explicit import CentralDifference
 from .hook import LawHook
 from .laws import Array
 
 
 class Ledger:
-    """The energies of a `dynamics.Newmark` from here on, in J; see `totals`.
+    """The energies of a motion from here on, in J; see `totals`.
 
-    external: virtual work of the loads (a linear form). damping: that of damping forces in the residual, if any.
+    external: virtual work of the loads (a linear form), damping: that of damping forces in the residual, if any.
     stored: form of elastic energy outside of hooks, if any. hooks: each law's hook and the factor of its
     stress in the weak form, the thickness in m or 1 for resultants.
 
@@ -39,14 +40,14 @@ class Ledger:
 
     def __init__(
         self,
-        newmark: Newmark,
-        external: Form,
+        run: Newmark | CentralDifference,
+        external: Form | None = None,
         stored: Form | None = None,
         hooks: Sequence[tuple[LawHook, float]] = (),
         damping: Form | None = None,
     ) -> None:
-        self._newmark, self.motion, self.comm = newmark, newmark.motion, newmark.comm
-        self._external = fem.form(external)
+        self._run, self.motion, self.comm = run, run.motion, run.comm
+        self._external = fem.form(external) if external else None
         self._damping = fem.form(damping) if damping else None
         self._stored = fem.form(stored) if stored else None
         self._works = [LawWork(hook, factor) for hook, factor in hooks]
@@ -61,7 +62,7 @@ class Ledger:
         """Largest external work and largest imbalance so far, J, without their signs."""
         self._law = 0.0
         self._last: tuple[Array, ...] | None = None
-        newmark.ledger = self
+        run.ledger = self
 
     def start(self) -> None:
         """Take the present state as the start: its kinetic and elastic energy count as external work."""
@@ -149,7 +150,7 @@ class Ledger:
     def _forces(self) -> tuple[Array, ...]:
         """Owned parts of q, external, damping and inertia forces, and reactions at given unknowns."""
         motion, size = self.motion, self._vector.local_size
-        reaction = self._newmark.solver.forces()[self._given]
+        reaction = self._run.forces()[self._given]
         damping = self._assembled(self._damping)
         motion.mass.mult(motion.velocity.x.petsc_vec, self._vector)
         damping = damping + motion.damping * self._vector.array_r

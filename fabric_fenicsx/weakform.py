@@ -121,15 +121,17 @@ At h/L = 0.1, where shear is a sixth of the deflection, 0.1 adds 1.3, 0.3, 0.1 %
 """
 
 
-def shear_stiffness(domain: mesh.Mesh, moduli: tuple[float, float], thickness: Expr | float) -> Expr:
+def shear_stiffness(
+    domain: mesh.Mesh, moduli: tuple[float, float], thickness: Expr | float, reach: float = SHEAR_REACH
+) -> Expr:
     """Transverse shear stiffness (2, 2) in N/m, 5/6 h (G13, G23) of (6.30), limited on thin shells.
 
-    With h^3 / (h^2 + c A) in place of h, A the area of the cell, c = `SHEAR_REACH`: on cells much wider than
+    With h^3 / (h^2 + c A) in place of h, A the area of the cell, c = `reach`: on cells much wider than
     the shell is thick, shear stiffness beyond bending stiffness would lock the element and adds
     nothing (Lyly, Stenberg, Vihinen 1993, doi 10.1016/0045-7825(93)90018-Q, and common practice).
     """
     h = thickness
     # UFL's CellVolume is for flat triangles only
     area = ufl.JacobianDeterminant(domain) * (0.5 if domain.basix_cell().name == "triangle" else 1.0)
-    limited = h**3 / (h**2 + SHEAR_REACH * area)
+    limited = h**3 / (h**2 + reach * area)
     return 5 / 6 * limited * fem.Constant(domain, np.diag(np.array(moduli, dtype=float)))

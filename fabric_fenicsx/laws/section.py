@@ -32,6 +32,8 @@ class Section:
         self.symmetric = law.symmetric
         if hasattr(law, "recoverable"):
             self.recoverable = self._recoverable
+        if hasattr(law, "stiffest"):
+            self.stiffest = Section(law.stiffest, thickness, layers, quadratic)
         self._scratch: tuple[Array, ...] = (np.empty((0, 3)), np.empty((0, 3)), np.empty((0, 3, 3)))
 
     def respond(

@@ -25,6 +25,7 @@ import numpy as np
 
 from ..errors import InputError
 from . import Array, kernels
+from .svk import StVenantKirchhoff
 
 if TYPE_CHECKING:
     from ..fabrics import Fabric
@@ -66,7 +67,7 @@ class Woven:
         self.symmetric = False
         self.shear_hysteresis = shear_hysteresis
         self.reciprocal = coupling == "reciprocal"
-        self._nu = (nu12, nu21)
+        self._nu, self._measured = (nu12, nu21), (fabric.warp, fabric.weft, fabric.shear)
         self._curves = tuple(
             kernels.pack(c.modulus, c.unloading, c.limit, ramp) for c in (fabric.warp, fabric.weft, fabric.shear)
         )
@@ -85,6 +86,16 @@ class Woven:
             out = np.empty((n, 3)), np.empty((n, 3, 3)), np.empty_like(state)
         kernels.woven(strain, state, *out, self._curves, *self._nu, self.shear_hysteresis, self.reciprocal)
         return out
+
+    @property
+    def stiffest(self) -> StVenantKirchhoff:
+        """A linear law as stiff as this one can be within the measured range, while yarns and shear unload."""
+        d1, d2, g = (max(c.unloading, *c.tangent(np.linspace(0, c.limit, 50))) for c in self._measured)
+        product = self._nu[0] * self._nu[1]
+        b = sqrt(product * d1 * d2)
+        return StVenantKirchhoff(
+            np.array([[d1, b, 0.0], [b, d2, 0.0], [0.0, 0.0, (1.0 - product) * g]]) / (1.0 - product)
+        )
 
     def recoverable(self, strain: Array, state: Array) -> Array:
         """Work in J/m3 (n,) that a point of this strain, and the state after it, gives back.

@@ -1,0 +1,342 @@
+"""Explicit dynamics: Newmark with beta = 0, gamma = 1/2 (central differences) as a PETSc TS, with lumped mass.
+
+Nothing is solved for, and no tangent is compiled. Mass is lumped in proportion to the diagonal of the mass matrix, the
+total kept (Hinton, Rock and Zienkiewicz 1976, doi 10.1002/eqe.4290040305): positive for quadratic triangles too, whose
+row sums vanish at corners. Directors turn on their sphere by the angle of a step.
+"""
+
+import math
+import sys
+import time
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any
+
+import numpy as np
+from mpi4py import MPI
+from dolfinx import fem, la
+from dolfinx_external_operator import replace_external_operators
+from petsc4py import PETSc
+from tqdm import tqdm
+from ufl.algorithms import expand_derivatives
+from ufl.form import Form
+
+from .continuation import Step
+from .errors import InputError, StepFailed
+from .hook import LawHook
+from .laws import Array
+from .motion import Motion
+
+SAFETY = 0.9
+"""Step as a part of the largest stable one."""
+
+
+class CentralDifference:
+    """M a + residual(q, velocity) = 0 at the start of every step; a Python type of PETSc's TS, which is `ts`.
+
+    motion, residual, bcs, hooks, set_load, start: as for `dynamics.Newmark`. rotary: factor on the inertia of
+    directors; None takes the smallest, at least 1, with which they do not make the step shorter than the displacements
+    do, said in `rotary`. A scaled one slows the turn of directors, not the motion of the sheet.
+
+    `stable` is the largest stable step in s, 2/omega of the fastest oscillation with the stiffest tangent that the law
+    tells (`stiffest`, else the one at rest) on the present shape, by power iteration.
+    """
+
+    def __init__(
+        self,
+        motion: Motion,
+        residual: Form,
+        bcs: Sequence[fem.DirichletBC],
+        hooks: Sequence[LawHook] = (),
+        set_load: Callable[[float], None] = lambda t: None,
+        rotary: float | None = None,
+        start: float = 0.0,
+    ) -> None:
+        self.motion, self.hooks, self.set_load = motion, tuple(hooks), set_load
+        self.q, self.V = motion.q, motion.q.function_space
+        self.comm, self.time, self.number = self.V.mesh.comm, start, 0
+        form, operators = replace_external_operators(expand_derivatives(residual))
+        if any(op.external_function not in self.hooks for op in operators):
+            raise InputError("The residual holds the stress of a law whose hook the solver was not given.")
+        self._form = fem.form(form)
+        self._force = la.vector(self.V.dofmap.index_map, self.V.dofmap.index_map_bs)
+        self._bcs = list(bcs)
+        self.given = motion.given = np.unique(
+            np.concatenate([np.empty(0, np.int32), *(bc.dof_indices()[0] for bc in bcs)])
+        )
+        self._directors = np.empty((0, 3), dtype=np.int32) if motion.space is None else motion.space.nodes
+        self._mass = self._lumped()
+        self.rotary = 1.0
+        self.stable, self.rotary = self._stable(rotary)
+        lumped = fem.Function(self.V)
+        lumped.x.array[:] = self._mass
+        motion.mass = PETSc.Mat().createDiagonal(lumped.x.petsc_vec.copy())
+        self.interrupted = self._began = False
+        self.ts = PETSc.TS().createPython(self, comm=self.comm)
+        self.ts.setSolution(self.q.x.petsc_vec)
+        self.ts.setTime(start)
+        self.ts.setMaxTime(1e300)
+        self.ts.setMaxSteps(2**31 - 1)
+        self.ts.setFromOptions()
+
+    # -- mass and stability ---------------------------------------------------------------------------------------
+
+    def _lumped(self) -> Array:
+        """Mass of each local unknown, those of each kind in proportion to the diagonal."""
+        diagonal = fem.Function(self.V)
+        self.motion.mass.getDiagonal(diagonal.x.petsc_vec)
+        diagonal.x.scatter_forward()
+        m, size = diagonal.x.array.copy(), self.V.dofmap.index_map.size_local * self.V.dofmap.index_map_bs
+        one, image = fem.Function(self.V), fem.Function(self.V)
+        kinds = [np.setdiff1d(np.arange(len(m)), self._directors), self._directors.ravel()]
+        for kind in kinds:
+            one.x.array[:] = 0.0
+            one.x.array[kind] = 1.0
+            self.motion.mass.mult(one.x.petsc_vec, image.x.petsc_vec)
+            own = kind[kind < size]
+            total, part = self.comm.allreduce(np.array([image.x.array[own].sum(), m[own].sum()]))
+            m[kind] *= total / part if part > 0.0 else 1.0
+        if self._directors.size and not (m[self._directors] > 0.0).all():
+            raise InputError("Explicit motion needs directors with inertia: leave the rotary part of the mass in.")
+        return np.asarray(m)
+
+    def _stable(self, rotary: float | None) -> tuple[float, float]:
+        """Largest stable step, and the factor on the inertia of directors."""
+        laws = [hook.law for hook in self.hooks]
+        for hook in self.hooks:
+            hook.law = _Frozen(getattr(hook.law, "stiffest", hook.law))
+        directors = self._directors.ravel()
+        free = np.ones(len(self._mass))
+        free[self.given] = 0.0
+        alone, turning = free.copy(), np.zeros_like(free)
+        alone[directors] = 0.0
+        turning[directors] = free[directors]
+        if rotary is None:
+            rotary = 1.0
+            if directors.size:
+                rotary = max(1.0, self._fastest(turning) / self._fastest(alone))
+        self._mass[directors] *= rotary
+        fastest = self._fastest(free)
+        for hook, law in zip(self.hooks, laws, strict=True):
+            hook.law = law
+        self._evaluate()
+        return 2.0 / math.sqrt(fastest), rotary
+
+    def _fastest(self, free: Array, iterations: int = 60) -> float:
+        """Largest eigenvalue of M^-1 K among motions of the unknowns where `free` is 1, by power iteration.
+
+        K x is a difference of the residual at two states close by; directors move in their tangent plane.
+        """
+        size = self._owned
+        start, x = self.q.x.array.copy(), fem.Function(self.V)
+        self._noise(x)
+        force0, root, value = self._evaluate().copy(), np.sqrt(self._mass), 0.0
+        y = x.x.array * free * root
+        for _ in range(iterations):
+            norm = math.sqrt(self.comm.allreduce(float(y[:size] @ y[:size])))
+            move = free * y / root / norm
+            self._lay(move, start)
+            scale = 1e-7 * self._length / max(self.comm.allreduce(np.abs(move).max(initial=0.0), MPI.MAX), 1e-300)
+            self.q.x.array[:] = start + scale * move
+            x.x.array[:] = 0.0
+            x.x.array[:size] = ((self._evaluate() - force0) / scale)[:size]
+            x.x.scatter_forward()
+            self._lay(x.x.array, start)
+            y = free * x.x.array / root
+            before, value = value, math.sqrt(self.comm.allreduce(float(y[:size] @ y[:size])))
+            if abs(value - before) < 1e-3 * value:
+                break
+        self.q.x.array[:] = start
+        # the iteration comes from below
+        return 1.02 * value
+
+    def _noise(self, x: fem.Function) -> None:
+        """The same on any number of ranks."""
+
+        def noise(at: Array) -> Array:
+            return np.asarray(np.sin(1e4 * (at[0] + 2 * at[1] + 3 * at[2])) * np.array([[1.0], [0.7], [-0.9]]))
+
+        if self.motion.space is None:
+            x.interpolate(noise)
+            return
+        for part in (0, 1):
+            space, dofs = self.V.sub(part).collapse()
+            values = fem.Function(space)
+            values.interpolate(noise)
+            x.x.array[dofs] = values.x.array
+
+    def _lay(self, values: Array, q: Array) -> None:
+        """Take from directors' values what is along the directors of q."""
+        d = q[self._directors]
+        d = d / np.linalg.norm(d, axis=1, keepdims=True)
+        w = values[self._directors]
+        values[self._directors] = w - (w * d).sum(axis=1, keepdims=True) * d
+
+    # -- a step ---------------------------------------------------------------------------------------------------
+
+    @property
+    def _owned(self) -> int:
+        return int(self.V.dofmap.index_map.size_local * self.V.dofmap.index_map_bs)
+
+    @property
+    def _length(self) -> float:
+        """Size of a cell, m."""
+        mesh = self.V.mesh
+        x = mesh.geometry.x[mesh.geometry.dofmaps[0]]
+        size = float(np.ptp(x, axis=1).max(axis=1).min(initial=np.inf)) if len(x) else np.inf
+        return float(self.comm.allreduce(size, MPI.MIN))
+
+    def _evaluate(self) -> Array:
+        """Residual at the present q and velocity, local array, complete on ghosts too."""
+        for hook in self.hooks:
+            hook.evaluate()
+        self._force.array[:] = 0.0
+        fem.assemble_vector(self._force.array, self._form)
+        self._force.scatter_reverse(la.InsertMode.add)
+        self._force.scatter_forward()
+        return self._force.array
+
+    def step(self, ts: PETSc.TS) -> None:
+        """One step of `ts`'s length; never raises."""
+        motion, dt, directors = self.motion, ts.getTimeStep(), self._directors
+        q, v, a = self.q.x.array, motion.velocity.x.array, motion.acceleration.x.array
+        v += 0.5 * dt * a
+        turn = dt * v[directors]
+        d = q[directors]
+        q += dt * v
+        if len(directors):
+            angle = np.linalg.norm(turn, axis=1, keepdims=True)
+            c, s = np.cos(angle), np.sinc(angle / np.pi)
+            q[directors] = c * d + s * turn
+            # carried along the same turn
+            v[directors] = (c * turn - angle**2 * s * d) / dt
+        self.time += dt
+        if len(self.given):
+            self._move_supports(dt)
+        force = self._evaluate()
+        np.divide(force, self._mass, out=a)
+        a *= -1.0
+        if motion.damping > 0.0:
+            a -= motion.damping * v
+        a[self.given] = self._given_a
+        self._lay(a, q)
+        v += 0.5 * dt * a
+        v[self.given] = self._given_v
+        if self.ledger is not None:
+            self.ledger.weigh()
+            self.ledger.accept()
+        for hook in self.hooks:
+            hook.commit()
+        ts.setTime(self.time)
+
+    def forces(self) -> Array:
+        """M a + residual in N at the owned unknowns: at supports, the reactions."""
+        total = self._force.array + self._mass * (
+            self.motion.acceleration.x.array + self.motion.damping * self.motion.velocity.x.array
+        )
+        return np.asarray(total[: self._owned])
+
+    ledger: Any = None
+    """An `energy.Ledger`, if one is kept; it takes about twice the time of a step."""
+    _given_v: Array | float = 0.0
+    _given_a: Array | float = 0.0
+
+    def _values(self, t: float) -> Array:
+        self.set_load(t)
+        for bc in self._bcs:
+            bc.set(self._scratch)
+        return np.asarray(self._scratch[self.given])
+
+    def _move_supports(self, dt: float) -> None:
+        """Given values at the present time, and their velocity and acceleration."""
+        before, after = (self._values(self.time + k * dt) for k in (-1, 1))
+        now = self._values(self.time)
+        self.q.x.array[self.given] = now
+        self._given_v, self._given_a = (after - before) / (2 * dt), (after - 2 * now + before) / dt**2
+
+    def begin(self, dt: float) -> None:
+        """Find the acceleration with which the motion starts."""
+        self._scratch = self.q.x.array.copy()
+        motion = self.motion
+        if len(self.given):
+            self._move_supports(dt)
+            motion.velocity.x.array[self.given] = self._given_v
+        a = motion.acceleration.x.array
+        a[:] = -self._evaluate() / self._mass - motion.damping * motion.velocity.x.array
+        a[self.given] = self._given_a
+        self._lay(a, self.q.x.array)
+        if self.ledger is not None:
+            self.ledger.start()
+        self._began = True
+
+    def march(self, end: float, every: float, dt: float | None = None, progress: str | None = None,
+              note: Callable[[], str] = lambda: "") -> Iterator[Step]:  # fmt: skip
+        """Go on to the time `end`; yields a `Step` each `every` seconds, its load being the time.
+
+        dt: the step in s, by default `SAFETY` of the stable one, or a little less to meet `every`. Raises
+        InputError for a step that is not stable; StepFailed, on every rank and with q at the last `every`
+        that was good, once the motion is not finite or gains energy out of nothing.
+        """
+        if dt is not None and not 0.0 < dt <= self.stable:
+            raise InputError(f"A step of {dt!r} s is not stable: the largest is {self.stable:.3g} s.")
+        steps = max(1, round((end - self.time) / every))
+        parts = math.ceil(every / (dt or SAFETY * self.stable) * (1 - 1e-12))
+        self.ts.setTimeStep(every / parts)
+        if not self._began:
+            self.begin(every / parts)
+        hidden = progress is None or self.comm.rank != 0
+        calm = 0.2 if sys.stderr.isatty() else 30.0
+        with tqdm(total=steps, desc=progress, unit="step", disable=hidden, leave=False, mininterval=calm) as bar:
+            for _ in range(steps):
+                clock, begun = time.perf_counter(), self.time
+                good = [array.copy() for array in self._arrays()]
+                for _ in range(parts):
+                    self.ts.step()
+                self.time = begun + every
+                self._judge(good, begun)
+                self.number += 1
+                bar.set_postfix_str(f"t={self.time:.4g} s{note()}", refresh=False)
+                bar.update()
+                if self.comm.allreduce(self.interrupted):
+                    self.interrupted = False
+                    raise KeyboardInterrupt
+                yield Step(self.number, self.time, parts, 0, time.perf_counter() - clock)
+
+    def _arrays(self) -> list[Array]:
+        motion = self.motion
+        return [f.x.array for f in (self.q, motion.velocity, motion.acceleration)] + [
+            hook.history.committed for hook in self.hooks
+        ]
+
+    def _judge(self, good: list[Array], begun: float) -> None:
+        """Raise StepFailed if the motion is no longer one, with the last good state in place."""
+        kinetic = self.motion.kinetic()
+        said = None
+        if not math.isfinite(kinetic):
+            said = "the motion is not finite"
+        elif self.ledger is not None and abs(self.ledger.totals["imbalance"]) > 0.2 * max(self.ledger.most, 1e-300):
+            said = f"energy came from nowhere: {-self.ledger.totals['imbalance']:.3g} of {self.ledger.most:.3g} J"
+        if said is None:
+            return
+        for array, before in zip(self._arrays(), good, strict=True):
+            array[:] = before
+        reached, self.time = self.time, begun
+        raise StepFailed(
+            f"Explicit motion failed between {begun:.6g} and {reached:.6g} s: {said}. The step, "
+            f"{self.ts.getTimeStep():.3g} s, is too large for what the sheet has become; take a smaller one."
+        )
+
+
+class _Frozen:
+    """A law that always answers from its first state, whatever the state it is given."""
+
+    symmetric = False
+
+    def __init__(self, law: Any) -> None:
+        self.law, self.initial_state = law, law.initial_state
+
+    def respond(self, strain: Array, state: Array, out: Any = None) -> tuple[Array, Array, Array]:
+        """See `laws.Law.respond`; the new state is the old one."""
+        first = np.tile(self.initial_state, (len(strain), 1))
+        self.law.respond(strain, first, (out[0], out[1], np.empty_like(first)))
+        out[2][:] = state
+        return out[0], out[1], out[2]
