@@ -23,8 +23,8 @@ linearised, and the strain that depends on them alone is E_11, E_22, 2 E_12 less
     t (s^2 - 1/4) / 2,    t (r^2 - 1/4) / 2,    t r s,    t = (e.e - E.E) / (1 - (alpha^2 + beta^2) / 4).
 
 As e vanishes in a homogeneous deformation, so may r (a.e - alpha t/4) + s (b.e - beta t/4), another sum of the
-five, be taken from 2 E_12: the shear of a cell that bends in its plane. It is taken in the frame of the middle of
-the cell and by its area there, so that its mean is zero and the patch test is passed (as
+five, be taken from 2 E_12: the shear of a cell that bends in its plane. It is taken in the frame of the
+middle of the cell and by its area there, so that its mean is zero and the patch test is passed (as
 Taylor, Beresford and Wilson 1976, doi 10.1002/nme.1620100602).
 """
 

@@ -33,7 +33,7 @@ ELEMENTS = {
 "p2cr1" is the same with the strain of the displacement itself, which locks. "mitc4" is the default on
 quadrilaterals, bilinear, with assumed shear and membrane strains (see `assumed_strain`). "q1" is the
 thesis's element, with the strains of the displacement and transverse shear at one point: it locks on skewed
-meshes, and two patterns of a sheet cost it no energy (in one, nodes go up and down by turns).
+meshes, and a pattern of a free sheet, nodes that go up and down by turns, costs it no energy.
 """
 
 ASKEW = 0.3

@@ -159,12 +159,10 @@ def test_a_director_in_a_plane_of_symmetry_turns_in_it_alone(triangles):
     space = directors.ShellSpace(domain.mesh)
     conditions = supports.symmetry(domain, space, "top", 0)
     fixed = space.supports(conditions)
-    _part, dofs = space.V.sub(1).sub(0).collapse()
     nodes = supports._at(domain, "top", space.V.sub(1).sub(0))
     q = space.function()
     # the mean of the normals on one side has been moved into the plane, reference and all
     assert np.abs(q.x.array[nodes]).max(initial=0) < 1e-16
-    space.normal.x.scatter_forward()
     _, dofs = space.V.sub(1).collapse()
     assert np.abs(q.x.array[dofs[0]] - space.normal.x.array).max() == 0
     y = angles(space, 2.0)
@@ -174,6 +172,19 @@ def test_a_director_in_a_plane_of_symmetry_turns_in_it_alone(triangles):
     assert np.abs(q.x.array[nodes]).max(initial=0) < 1e-15
     assert np.abs(np.linalg.norm(q.x.array[space._d], axis=1) - 1).max() < 1e-14
     assert COMM.allreduce(len(fixed)) == (3 + 3 if not triangles else 5 + 2)
+
+
+def test_a_director_in_two_planes_of_symmetry_is_fixed():
+    domain = cylinder(MPI.COMM_SELF, triangles=0)
+    space = directors.ShellSpace(domain.mesh)
+    conditions = supports.symmetry(domain, space, "top", 0) + supports.symmetry(domain, space, "middle", 1)
+    fixed = space.supports(conditions)
+    corner = np.flatnonzero((space.frame[:, 2] == [0, 0, 1]).all(axis=1))
+    assert np.isin(space._theta[corner], fixed).all(axis=1).sum() == 1
+    q, y = space.function(), fem.Function(space.W)
+    assert not space.targets(conditions, y)[space._theta].any()
+    space.turn(y, q)
+    assert np.abs(q.x.array[space._d] - space.frame[:, 2]).max() == 0
 
 
 @pytest.mark.parallel
