@@ -6,6 +6,7 @@ import time
 
 import numpy as np
 import shell_cases
+import shell_model
 import ufl
 from mpi4py import MPI
 from dolfinx import fem
@@ -30,11 +31,12 @@ SLENDER = (1e-2, 1e-3, 1e-4, 1e-5, 1e-6)
 """Thickness to length; the last is tried, and not asked for."""
 ALLOWED = {16: 0.03, 32: 0.01}
 """Cells along the strip -> error of a default element."""
-DEFAULTS = ("regge", "mitc4")
+DEFAULTS, PLAIN = ("regge", "mitc4"), ("p2cr1", "q1")
+"""The elements that must not lock, and for each the one with the strains of its displacement."""
 STEPS = (1, 2, 4, 8, 16, 32, 64, 128)
 
 
-WIDTHS = {"case": 16, "quantity": 12}
+WIDTHS = {"case": 16, "worst": 13, "computed": 12, "reference": 12}
 
 
 def show(rows, head=True):
@@ -61,7 +63,7 @@ def write(path, rows):
 
 def bent(settings, smallest=1 / 64):
     """A row of the locking table: one end-shear test."""
-    clock = time.perf_counter()
+    clock = time.process_time()
     case = shell_cases.end_shear(settings)
     table, stopped = case.run(smallest=smallest)
     row = {
@@ -75,7 +77,7 @@ def bent(settings, smallest=1 / 64):
         row[f"{name}_error_percent"] = float(error)
     newton, cuts = (int(sum(r[name] for r in table.rows)) for name in ("newton_iterations", "step_cuts"))
     reached = table.rows[-1]["load_fraction"] if table.rows else 0.0
-    return row | {"load_reached": float(reached), "newton": newton, "cuts": cuts, "wall_s": time.perf_counter() - clock}
+    return row | {"load_reached": float(reached), "newton": newton, "cuts": cuts, "cpu_s": time.process_time() - clock}
 
 
 def locking(settings, out):
@@ -83,14 +85,15 @@ def locking(settings, out):
     elements = [settings.element] if settings.element else list(directors.ELEMENTS)
     cells = [settings.cells] if settings.cells else list(ALLOWED)
     slender = [settings.thickness / 10] if settings.thickness else SLENDER
-    rows, right = [], True
+    rows, missed = [], []
     for element, n, skew, h in itertools.product(elements, cells, (0.0, settings.skew or 0.25), slender):
-        row = bent(shell_cases.Settings(element, n, 10 * h, skew, settings.steps or 20))
+        row = bent(shell_model.Settings(element, n, 10 * h, skew, settings.steps or 20))
         rows.append(row)
         show([row], head=len(rows) == 1)
         if element in DEFAULTS and h >= 1e-5:
             worst = max(abs(row[name]) for name in row if name.endswith("percent"))
-            right = right and worst <= 100 * ALLOWED.get(n, 0.01)
+            if not worst <= 100 * ALLOWED.get(n, 0.01):
+                missed.append(f"{element}, {n} cells, skew {skew:g}, h/L {h:g}: {worst:.2g} %")
     write(out / "locking.csv", rows)
     if MPI.COMM_WORLD.rank == 0:
         plot(out / "locking.png", rows)
@@ -99,7 +102,7 @@ def locking(settings, out):
     steps = []
     for element, h in itertools.product((e for e in DEFAULTS if e in elements), slender):
         for count in STEPS:
-            row = bent(shell_cases.Settings(element, 16, 10 * h, 0.0, count), smallest=1.0)
+            row = bent(shell_model.Settings(element, 16, 10 * h, 0.0, count), smallest=1.0)
             if row["load_reached"] == 1.0:
                 break
         took = row["load_reached"] == 1.0
@@ -109,8 +112,9 @@ def locking(settings, out):
     if steps:
         write(out / "load_steps.csv", steps)
     allowed = ", ".join(f"{100 * part:g} % at {n} cells" for n, part in ALLOWED.items())
-    command.say(f"check: default elements within {allowed} to h/L = 1e-5: {'yes' if right else 'NO'}; see {out}")
-    return 0 if right else 1
+    verdict = f"NO, missed by {'; '.join(missed)}" if missed else "yes"
+    command.say(f"check: default elements within {allowed} to h/L = 1e-5: {verdict}; see {out}")
+    return 1 if missed else 0
 
 
 def plot(path, rows):
@@ -127,9 +131,9 @@ def plot(path, rows):
                 ratio = [1 + row["W_tip_error_percent"] / 100 for row in own]
                 axes.plot([row["h_over_L"] for row in own], ratio, "os^v"[i] + "-", ms=5, label=element)
         axes.axhspan(1 - ALLOWED.get(cells, 0.01), 1 + ALLOWED.get(cells, 0.01), color="0.85", zorder=0)
-        kind = f"skewed by {skew:g}" if skew else "regular"
-        axes.set(title=f"{cells} cells, {kind}", xscale="log", ylim=(0, 1.1), ylabel="tip deflection / exact")
-        axes.set(xlim=(2 * max(SLENDER), 0.5 * min(SLENDER)), xlabel="thickness / length")
+        axes.set_title(f"{cells} cells, " + (f"skewed by {skew:g}" if skew else "regular"))
+        axes.set(xscale="log", xlim=(2 * max(SLENDER), 0.5 * min(SLENDER)), ylim=(0, 1.1))
+        axes.set(xlabel="thickness / length", ylabel="tip deflection / exact")
         axes.label_outer()
         axes.grid(alpha=0.3)
         axes.legend(fontsize=9, loc="lower left")
@@ -147,7 +151,7 @@ TARGETS = {"elastic": 6.0, "fabric": 9.0}
 def sheet(element, law, cells):
     """A square sheet of blend, 1 m, clamped at one edge, under 1e-6 of its weight: space, solver, hook or None."""
     fabric = fabrics.load("blend")
-    domain = meshing.read(shell_cases.MESHES / "strip.geo", nx=cells, ny=cells, length=1.0, width=1.0,
+    domain = meshing.read(shell_model.MESHES / "strip.geo", nx=cells, ny=cells, length=1.0, width=1.0,
                           triangles=int(directors.ELEMENTS[element][0] == "triangle"))  # fmt: skip
     space = directors.ShellSpace(domain.mesh, element)
     q, test = space.function(), ufl.TestFunction(space.V)
@@ -172,7 +176,7 @@ def sheet(element, law, cells):
 
 
 def cost_row(element, law, cells, repeats=15):
-    """Medians of the parts of a Newton iteration, us per unknown."""
+    """Medians of the parts of a Newton iteration, us of processor time per unknown."""
     space, solver, hooks = sheet(element, law, cells)
     solver.solve()
     solver.commit()
@@ -181,21 +185,21 @@ def cost_row(element, law, cells, repeats=15):
     K = fempetsc.create_matrix(solver.jacobian_form)
     times = []
     for _ in range(repeats + 1):
-        clock = [time.perf_counter()]
+        clock = [time.process_time()]
         space.turn(y, solver.u)
         for own in hooks:
             own.evaluate()
-        clock.append(time.perf_counter())
+        clock.append(time.process_time())
         residual = solver.residual(x)
-        clock.append(time.perf_counter())
+        clock.append(time.process_time())
         K.zeroEntries()
         fempetsc.assemble_matrix(K, solver.jacobian_form)
         K.assemble()
-        clock.append(time.perf_counter())
+        clock.append(time.process_time())
         ksp = solver.factorised()
-        clock.append(time.perf_counter())
+        clock.append(time.process_time())
         ksp.solve(residual, residual.duplicate())
-        clock.append(time.perf_counter())
+        clock.append(time.process_time())
         law_s, residual_s, jacobian_s, all_of_it, solve_s = np.diff(clock)
         # the residual turns and asks the law, and what is factorised was assembled: these come twice
         times.append((law_s, residual_s - law_s, jacobian_s, all_of_it - jacobian_s, solve_s))
@@ -207,15 +211,18 @@ def cost_row(element, law, cells, repeats=15):
 
 def cost(settings, out):
     """Microseconds per unknown and Newton iteration on a square sheet of 20 x 20 cells, split by part."""
-    elements = [settings.element] if settings.element else ["regge", "p2cr1"]
+    elements = (
+        [settings.element] if settings.element else [e for pair in zip(DEFAULTS, PLAIN, strict=True) for e in pair]
+    )
     rows = []
     for law, element in itertools.product(TARGETS, elements):
         rows.append(cost_row(element, law, settings.cells or 20))
         show(rows[-1:], head=len(rows) == 1)
     write(out / "cost.csv", rows)
-    if len(elements) == 2:
-        for law in TARGETS:
-            own, plain = (row["sum"] for row in rows if row["law"] == law)
-            command.say(f"{law}: {elements[0]} takes {own / plain:.2f} of {elements[1]} (target at most 1.3)")
+    took = {(row["law"], row["element"]): row["sum"] for row in rows}
+    for law, own, plain in [(law, *pair) for law in TARGETS for pair in zip(DEFAULTS, PLAIN, strict=True)]:
+        if (law, own) in took and (law, plain) in took:
+            ratio = took[law, own] / took[law, plain]
+            command.say(f"{law}: {own} takes {ratio:.2f} of {plain} (target at most 1.3)")
     command.say(f"times are for information, and nothing is checked; see {out}")
     return 0
