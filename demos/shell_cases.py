@@ -31,19 +31,24 @@ def at(loads, columns, steps):
     return wanted, [np.where(found, column[where], np.nan) for column in columns]
 
 
-def strip(settings, cells, length, width, E, thickness, nu=0.0, **more):
-    """A flat strip along x, two cells wide, clamped at one end."""
+def strip(settings, cells, length, width, E, thickness, force=0.0, moment=0.0, weight=0.0, **more):
+    """A flat strip along x, two cells wide, clamped at one end: loads up at the other end, about its edge, and down.
+
+    Every strip has all three, so that one compiled form serves them all.
+    """
     n = settings.count(cells)
-    shell = Shell("strip.geo", settings, E, nu, thickness, length=length, width=width, nx=n, ny=2, **more)
+    shell = Shell("strip.geo", settings, E, 0.0, thickness, length=length, width=width, nx=n, ny=2, **more)
     shell.clamp("fixed_end")
+    shell.line_force("pulled_end", (0, 0, force))
+    shell.edge_moment("pulled_end", (0, -moment, 0))
+    shell.area_force((0, 0, -weight))
     return shell
 
 
 def end_shear(settings, comm=MPI.COMM_WORLD):
     """Cantilever under a dead end force (Sze 2004, 3.1), against the elastica. E h^3 is the same for any thickness."""
     h = settings.thick(0.1)
-    shell = strip(settings, 16, 10.0, 1.0, 1.2e6 * (0.1 / h) ** 3, h, comm=comm)
-    shell.line_force("pulled_end", (0, 0, 4.0))
+    shell = strip(settings, 16, 10.0, 1.0, 1.2e6 * (0.1 / h) ** 3, h, force=4.0, comm=comm)
     data = table("sze2004_3.1_cantilever_end_shear.csv")
     loads, (U, W) = at(data["P_over_Pmax"], (data["exact_minus_U"], data["exact_W"]), settings.steps)
     return Case(
@@ -56,8 +61,8 @@ def end_shear(settings, comm=MPI.COMM_WORLD):
 def roll_up(settings, comm=MPI.COMM_WORLD):
     """Cantilever under an end moment (Sze 2004, 3.2) that rolls it up once or more, against the circle."""
     h, L, turns = settings.thick(0.1), 12.0, settings.turns
-    shell = strip(settings, 40 * turns, L, 1.0, 1.2e6 * (0.1 / h) ** 3, h, comm=comm)
-    shell.edge_moment("pulled_end", (0, -turns * 50 * np.pi / 3, 0))
+    moment = turns * 50 * np.pi / 3
+    shell = strip(settings, 40 * turns, L, 1.0, 1.2e6 * (0.1 / h) ** 3, h, moment=moment, comm=comm)
     loads = np.linspace(0, 1, (settings.steps or 20 * turns) + 1)[1:]
     angle = 2 * np.pi * turns * loads
     return Case(
@@ -72,8 +77,7 @@ def heavy_elastica(settings, comm=MPI.COMM_WORLD):
     """A clamped strip bends under its own weight: the cantilever test of cloth. Gamma = weight L^3 / rigidity."""
     h = settings.thick(1e-4)
     # hanging, it bends next to the clamp only, and short cells must not be wide: `weakform.shear_stiffness`
-    shell = strip(settings, 32, 1.0, 0.025, 12 / h**3, h, comm=comm, gather=2.5)
-    shell.area_force((0, 0, -1.0))
+    shell = strip(settings, 32, 1.0, 0.025, 12 / h**3, h, weight=1.0, comm=comm, gather=2.5)
     data = table("exact_heavy_elastica_cantilever.csv")
     last = len(data["Gamma"]) - 1
     rows = np.unique(np.rint(np.linspace(0, last, (settings.steps or 28) + 1)).astype(int))

@@ -113,7 +113,7 @@ class Shell:
 
     def force(self, vector):
         """A vector that grows with the load."""
-        return self.load * ufl.as_vector([float(component) for component in vector])
+        return self.load * fem.Constant(self.mesh, tuple(map(float, vector)))
 
     def mean(self, group, axis):
         """Mean displacement of a group's nodes along an axis; to be called on every rank."""
