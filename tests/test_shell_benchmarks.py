@@ -74,10 +74,10 @@ def test_errors_are_taken_where_the_table_has_a_value(cases):
 
 
 def test_thin_and_skewed(studies, settings_of):
-    """At h/L = 1e-5 the plain quadratic triangle has lost two thirds of its deflection, and the default nothing."""
-    rows = {element: studies.bent(settings_of(element, 16, 1e-4, 0.25, 20)) for element in ("regge", "p2cr1")}
+    """At h/L = 1e-5 the thesis's bilinear element has lost 45 % of its deflection, and the default nothing."""
+    rows = {element: studies.bent(settings_of(element, 16, 1e-4, 0.25, 20)) for element in ("regge", "q1")}
     assert abs(rows["regge"]["W_tip_error_percent"]) < 0.1
-    assert rows["p2cr1"]["W_tip_error_percent"] < -60.0
+    assert rows["q1"]["W_tip_error_percent"] == pytest.approx(-44.56, abs=0.1)
 
 
 def test_the_largest_step_is_the_one_before_the_first_cut(studies, settings_of):
@@ -87,7 +87,7 @@ def test_the_largest_step_is_the_one_before_the_first_cut(studies, settings_of):
 
 
 def test_cost_is_split(studies):
-    row = studies.cost_row("p2cr1", "elastic", 3, repeats=2)
+    row = studies.cost_row("q1", "elastic", 3, repeats=2)
     parts = [row[name] for name in studies.PARTS]
     assert min(parts) > 0 and sum(parts) == pytest.approx(row["sum"])
 
@@ -146,7 +146,7 @@ def test_a_wrong_word_is_answered_in_one_sentence(demo, words, sentence):
 
 
 @pytest.mark.parallel
-@pytest.mark.parametrize("name, settings", [("roll_up", {"cells": 16, "steps": 8}), ("scordelis_lo", {"cells": 4})])
+@pytest.mark.parametrize("name, settings", [("roll_up", {"cells": 12, "steps": 8}), ("scordelis_lo", {"cells": 4})])
 def test_ranks_agree(cases, settings_of, name, settings):
     """One process against all of them: a rolled-up strip, and a curved sheet between planes of symmetry."""
     tables = [cases.CASES[name](settings_of(**settings), comm).run()[0] for comm in (MPI.COMM_SELF, MPI.COMM_WORLD)]
