@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from matplotlib import image
+from scipy import optimize, special
 
 from fabric_fenicsx import fabrics, results
 
@@ -280,6 +281,29 @@ def test_the_flat_strip_is_the_same_at_all_levels_of_kinematics(angle, monkeypat
     assert len(forces[0]) > 6
     for other in forces[1:]:
         assert np.allclose(other, forces[0], rtol=1e-8, atol=1e-8 * forces[0].max())
+
+
+def test_an_unloaded_strip_buckles_into_the_elastica(demo, tmp_path):
+    """Figure 7-9 c: pulled longer for good and pushed back, a strip stands out as a clamped elastica of that length."""
+    status, said, _ = demo(
+        "tensile.py", "--kinematics", "shell", "--imperfection", "0.1", "--whole", "--steps", "10", "--out", tmp_path
+    )
+    table = read(tmp_path / "blend_0" / "history.csv")
+    d, force = table["displacement_mm"], table["force_N"]
+    assert status == 0 and "back at zero" in said and d[-1] == 0.0
+    # it bends, where a flat strip would be pushed together with 17 N
+    assert -2e-4 * force.max() < force[-1] < 0
+    longer = d[9:][force[9:] < 0][0]
+    length = 76.2 + longer
+    m = optimize.brentq(lambda m: 2 * special.ellipe(m) / special.ellipk(m) - 76.2 / length - 1, 1e-6, 0.8)
+    height = float(said.split("out of its plane by")[1].split()[0])
+    assert height == pytest.approx(np.sqrt(m) * length / special.ellipk(m), rel=0.04)
+    look(tmp_path / "blend_0" / "unloaded.png")
+
+
+def test_a_plane_strip_has_no_height(demo, tmp_path):
+    status, _, complaint = demo("tensile.py", "--imperfection", "0.1", "--out", tmp_path)
+    assert status == 2 and "--kinematics shell" in complaint
 
 
 @pytest.mark.parametrize("case", ["end_shear", "scordelis_lo"])
