@@ -1,0 +1,228 @@
+"""From readings to the curves of section 7.1: stress and strain, loading polynomials, unloading slopes.
+
+A loading curve is S = e + c0 E + c1 E^2/2 (+ c2 E^3/3 + c3 E^4/4), (6.14), whose derivative is the modulus
+D = c0 + c1 E (+ c2 E^2 + c3 E^3), (6.16). The constant e is a specimen's own, a pre-load or an offset of the load cell,
+and no part of the fabric. D is held above a small positive value over the whole range by the fit itself.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import LinearConstraint, minimize
+
+from ..errors import InputError
+from ..laws import Array
+
+LEAST = 0.01  # smallest modulus that a fit may have, over the mean one
+OFFSET = 0.2  # a constant above this part of the largest stress is no pre-load
+RAMP = 1e-3  # strain after a reversal in which the slope still changes (6.3.1), so that it is no part of the slope
+DOWN = (0.3, 0.5, 0.7)  # parts of the peak stress down to which an unloading may be straight
+
+
+def green_lagrange(displacement: Array, gauge_length: float) -> Array:
+    """Axial Green-Lagrange strain, (3.2), (A6); any shape, m."""
+    d = np.asarray(displacement) / gauge_length
+    return d + d * d / 2
+
+
+def piola_kirchhoff(force: Array, displacement: Array, gauge_length: float, area: float) -> Array:
+    """Axial 2nd Piola-Kirchhoff stress (Pa), (3.1), of forces in N; area A0 in m2."""
+    return np.asarray(force) / (area * (1 + np.asarray(displacement) / gauge_length))
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """A number, its standard error, and from how many specimens: the error is from their scatter, or from one fit."""
+
+    value: float
+    error: float
+    specimens: int
+
+    def __str__(self) -> str:
+        return f"{self.value:.4g} ± {self.error:.2g}"
+
+
+@dataclass(frozen=True)
+class Readings:
+    """Virgin loading of one specimen: strain (n,), stress (n,) in Pa."""
+
+    file: str
+    strain: Array
+    stress: Array
+
+
+@dataclass(frozen=True)
+class Loading:
+    """A fitted loading curve over strains from 0 to `limit`."""
+
+    modulus: tuple[float, ...]  # Pa, ascending powers of the strain
+    errors: tuple[float, ...]  # standard errors of them
+    limit: float
+    offsets: tuple[float, ...]  # Pa, one a specimen
+    residual: float  # root mean square over the largest fitted stress
+    spread: float  # largest standard error of the curve, from the scatter of the specimens, over the same
+    held: bool  # whether the modulus would have been too small without the constraint
+    notes: tuple[str, ...]
+
+    def stress(self, strain: Array) -> Array:
+        """Stress (Pa) without the offsets."""
+        return _powers(np.asarray(strain), len(self.modulus)) @ np.array(self.modulus)
+
+    def tangent(self, strain: Array) -> Array:
+        """Modulus (Pa)."""
+        return np.asarray(np.polynomial.polynomial.polyval(strain, self.modulus))
+
+
+def loading(specimens: Sequence[Readings]) -> Loading:
+    """The quadratic or quartic stress that fits best under a positive modulus.
+
+    Best is by Schwarz's criterion: a quartic must earn its two further coefficients. The range ends where half of the
+    specimens end. Raises InputError for an offset that is no pre-load.
+    """
+    limit = float(np.median([s.strain.max() for s in specimens]))
+    used = [Readings(s.file, s.strain[s.strain <= limit], s.stress[s.strain <= limit]) for s in specimens]
+    scale = max(float(s.stress.max()) for s in used)
+    x, y = [s.strain / limit for s in used], [s.stress / scale for s in used]
+    fits = [_constrained(x, y, terms) for terms in (2, 4)]
+    n = sum(map(len, x))
+    scores = [
+        n * np.log(max(rss, 1e-300) / n) + terms * np.log(n) for (_, _, rss, _), terms in zip(fits, (2, 4), strict=True)
+    ]
+    best = int(np.argmin(scores))
+    c, offsets, rss, held = fits[best]
+    terms, notes = len(c), []
+    for s, offset in zip(used, offsets, strict=True):
+        if abs(offset) > OFFSET:
+            raise InputError(
+                f"{s.file}: the force begins at {100 * offset:.0f} % of its peak, which is no pre-load; "
+                "zero the load cell, or subtract the offset from its column."
+            )
+        if offset:
+            notes.append(
+                f"{s.file}: the stress begins at {100 * offset:+.1f} % of its peak (pre-load or offset); subtracted."
+            )
+
+    top = float(_powers(np.ones(1), terms)[0] @ c)
+    if len(used) > 1:
+        alone = np.array(
+            [_constrained([xi], [yi - e], terms, False)[0] for xi, yi, e in zip(x, y, offsets, strict=True)]
+        )
+        errors = alone.std(axis=0, ddof=1) / np.sqrt(len(used))
+        curves = _powers(np.linspace(0, 1, 51), terms) @ alone.T
+        spread = float((curves.std(axis=1, ddof=1) / np.sqrt(len(used))).max()) / top
+    else:
+        A = _powers(x[0], terms)
+        covariance = np.linalg.inv(A.T @ A) * rss / max(n - terms, 1)
+        errors = np.sqrt(np.diag(covariance))
+        P = _powers(np.linspace(0, 1, 51), terms)
+        spread = float(np.sqrt(np.einsum("ij,jk,ik->i", P, covariance, P)).max()) / top
+    to_pa = scale / limit ** np.arange(1, terms + 1)
+    return Loading(
+        modulus=tuple(c * to_pa),
+        errors=tuple(errors * to_pa),
+        limit=limit,
+        offsets=tuple(offsets * scale),
+        residual=float(np.sqrt(rss / n)) / top,
+        spread=spread,
+        held=held,
+        notes=tuple(notes),
+    )
+
+
+def _powers(x: Array, terms: int) -> Array:
+    """Columns x, x^2/2, ... that the coefficients of the modulus multiply."""
+    k = np.arange(1, terms + 1)
+    return x[..., None] ** k / k
+
+
+def _constrained(
+    x: Sequence[Array], y: Sequence[Array], terms: int, with_offsets: bool = True
+) -> tuple[Array, Array, float, bool]:
+    """Coefficients (terms,), offsets (specimens,), sum of squares, and whether the constraint was at work; x in [0, 1].
+
+    Every specimen counts alike, however densely it was recorded. An offset within three standard errors of
+    zero is zero.
+    """
+    count, n = len(x), sum(map(len, x))
+    weights = np.concatenate([np.full(len(xi), np.sqrt(n / count / len(xi))) for xi in x])
+    which = np.repeat(np.arange(count), [len(xi) for xi in x])
+    A, b = _powers(np.concatenate(x), terms), np.concatenate(y)
+    kept = np.arange(count) if with_offsets else np.empty(0, dtype=int)
+    while True:
+        full = np.hstack([A, (which[:, None] == kept).astype(float)]) * weights[:, None]
+        solution, *_ = np.linalg.lstsq(full, b * weights)
+        rss = float(((full @ solution - b * weights) ** 2).sum())
+        error = np.sqrt(np.diag(np.linalg.pinv(full.T @ full)) * rss / max(n - len(solution), 1))
+        small = np.abs(solution[terms:]) < 3 * error[terms:]
+        if not small.any():
+            break
+        kept = kept[~small]
+    # the modulus c . (1, x, x^2, ...) at so many points that between them it cannot fall noticeably below
+    D = np.linspace(0, 1, 101)[:, None] ** np.arange(terms)
+    floor = LEAST * max(np.concatenate(y).max(), 1e-12)
+    held = bool((D @ solution[:terms] < floor).any())
+    if held:
+        wall = np.hstack([D, np.zeros((len(D), len(kept)))])
+        H, g = full.T @ full / n, full.T @ (b * weights) / n
+        start = np.zeros(len(solution))
+        start[0] = max(np.concatenate(y).max(), 10 * floor)
+        answer = minimize(
+            lambda z: 0.5 * z @ H @ z - g @ z,
+            start,
+            jac=lambda z: H @ z - g,
+            method="SLSQP",
+            constraints=LinearConstraint(wall, lb=1.001 * floor),
+            options={"maxiter": 500, "ftol": 1e-14},
+        )
+        solution = answer.x
+        rss = float(((full @ solution - b * weights) ** 2).sum())
+    offsets = np.zeros(count)
+    offsets[kept] = solution[terms:]
+    return solution[:terms], offsets, rss, held
+
+
+@dataclass(frozen=True)
+class _Line:
+    """A straight line through values (n,) over t (n,), and whether a parabola would not fit noticeably better."""
+
+    slope: float
+    error: float
+    straight: bool
+
+    @classmethod
+    def of(cls, t: Array, values: Array) -> "_Line":
+        basis = np.linalg.qr(np.vander(t, min(3, len(t)), increasing=True))[0]
+        part = basis.T @ values
+        rest = values - basis[:, :2] @ part[:2]
+        noise = float(np.sqrt(rest @ rest / max(len(t) - 2, 1)))
+        width = float(np.sqrt(((t - t.mean()) ** 2).sum()))
+        slope = float((t - t.mean()) @ values) / width**2
+        # a handful of points cannot tell
+        return cls(slope, noise / width, len(t) < 6 or bool(abs(part[2]) < 3 * noise))
+
+
+def unloading(axial: Array, strain: Array, stress: Array) -> tuple[float, float, int] | None:
+    """Slope (Pa) of an unloading from its first points, its standard error, and how many points; None if too few.
+
+    Arrays (n,) from the peak on: `axial` is the strain of the machine, `strain` and `stress` (Pa) the pair whose slope
+    is sought. Both are regressed on `axial`, which has hardly any noise, and the slope is the quotient: noise in the
+    strain of a photograph would flatten a direct regression. The points lie beyond the ramp of the reversal and above
+    30, 50 or 70 % of the peak stress, the lowest of these to which the stress is straight; at least three (7.1.1).
+    The strain is followed further down, for as long as it is straight too.
+    """
+    way = np.abs(axial - axial[0])
+    first, peak, found = int(np.argmax(way > RAMP)), float(np.median(stress[:3])), None
+    for part in DOWN:
+        low = np.flatnonzero(stress < part * peak)
+        end = int(low[0]) if len(low) else len(stress)
+        if end - first < 3 or way[end - 1] <= way[first]:
+            continue
+        fall, rate = _Line.of(way[first:end], stress[first:end]), _Line.of(way[first:], strain[first:])
+        if not rate.straight:
+            rate = _Line.of(way[first:end], strain[first:end])
+        slope = fall.slope / rate.slope
+        found = slope, abs(slope) * float(np.hypot(fall.error / fall.slope, rate.error / rate.slope)), end - first
+        if fall.straight:
+            break
+    return found
