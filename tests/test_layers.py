@@ -27,6 +27,7 @@ ROOMS = [
     {"weakform"},
     {"continuation"},
     {"statics", "dynamics"},
+    {"specimen"},
     {"results"},
     {"identify"},
     {"command"},
