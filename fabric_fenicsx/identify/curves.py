@@ -119,10 +119,10 @@ def loading(specimens: Sequence[Readings]) -> Loading:
         spread = float(np.sqrt(np.einsum("ij,jk,ik->i", P, covariance, P)).max()) / top
     to_pa = scale / limit ** np.arange(1, terms + 1)
     return Loading(
-        modulus=tuple(c * to_pa),
-        errors=tuple(errors * to_pa),
+        modulus=tuple(map(float, c * to_pa)),
+        errors=tuple(map(float, errors * to_pa)),
         limit=limit,
-        offsets=tuple(offsets * scale),
+        offsets=tuple(map(float, offsets * scale)),
         residual=float(np.sqrt(rss / n)) / top,
         spread=spread,
         held=held,

@@ -35,7 +35,7 @@ class Identified:
     curves: dict[str, Curve]  # "warp", "weft", "shear", as far as known
     poisson: dict[str, Estimate]  # "nu12", "nu21", as far as measured
     contractions: dict[str, list[markers.Contraction]]
-    bias: Loading | None  # axial stress over axial strain of the bias test
+    bias: Curve | None  # axial stress over axial strain of the bias test
     bias_records: list[records.Record]
     displacement: dict[str, float]  # m
     yarn_stretch: float | None  # largest, of the marked yarns
@@ -50,7 +50,9 @@ class Identified:
             or not {"nu12", "nu21"} <= self.poisson.keys()
         ):
             return None
-        E1, E2, E45 = (fit.modulus[0] for fit in (self.curves["warp"].loading, self.curves["weft"].loading, self.bias))
+        E1, E2, E45 = (
+            fit.modulus[0] for fit in (self.curves["warp"].loading, self.curves["weft"].loading, self.bias.loading)
+        )
         nu12, nu21 = (self.poisson[key].value for key in ("nu12", "nu21"))
         compliance = 4 / E45 - 1 / E1 - 1 / E2 + nu12 / E1 + nu21 / E2
         return 1 / compliance if compliance > 0 else None
@@ -155,7 +157,7 @@ def identify(tests: listing.Tests) -> Identified:
         if way != "bias":
             found[way] = axial
             continue
-        bias, bias_records = axial.loading, read
+        bias, bias_records = axial, read
         marked = [k for k, record in enumerate(read) if record.yarns]
         if marked:
             found["shear"], said = _shear(tests.strip, [read[k] for k in marked], [parts[k] for k in marked])

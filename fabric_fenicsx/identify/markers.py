@@ -66,8 +66,9 @@ def contraction(path: str | Path) -> Contraction:
     if len(used) < 3:
         raise InputError(f"{table.file}: has {len(used)} photographs of the loading, and a ratio needs 3; take more.")
     along, across = E[used, axis], E[used, 1 - axis]
-    ratios = []
-    for corners in Delaunay(X).simplices:
+    ratios, triangles = [], Delaunay(X).simplices
+    area = np.abs(np.linalg.det(X[triangles[:, 1:]] - X[triangles[:, :1]]))
+    for corners in triangles[area > 0.1 * np.median(area)]:  # the rim of a grid has slivers
         patch = _strains(x[used][:, corners], X[corners])
         good = np.isfinite(patch).all(axis=1)
         if good.sum() >= 3:
