@@ -77,54 +77,46 @@ class Loading:
 def loading(specimens: Sequence[Readings]) -> Loading:
     """The quadratic or quartic stress that fits best under a positive modulus.
 
-    Best is by Schwarz's criterion: a quartic must earn its two further coefficients. The range ends where half of the
-    specimens end. Raises InputError for an offset that is no pre-load.
+    Best is by Schwarz's criterion: a quartic must earn its two further coefficients. Every specimen counts alike,
+    however densely it was recorded. The range ends where half of the specimens end. Raises InputError for an
+    offset that is no pre-load.
     """
     limit = float(np.median([s.strain.max() for s in specimens]))
     used = [Readings(s.file, s.strain[s.strain <= limit], s.stress[s.strain <= limit]) for s in specimens]
     scale = max(float(s.stress.max()) for s in used)
-    x, y = [s.strain / limit for s in used], [s.stress / scale for s in used]
-    fits = [_constrained(x, y, terms) for terms in (2, 4)]
-    n = sum(map(len, x))
-    scores = [
-        n * np.log(max(rss, 1e-300) / n) + terms * np.log(n) for (_, _, rss, _), terms in zip(fits, (2, 4), strict=True)
-    ]
-    best = int(np.argmin(scores))
-    c, offsets, rss, held = fits[best]
-    terms, notes = len(c), []
+    parts = [(s.strain / limit, s.stress / scale) for s in used]
+    offsets, notes = np.array([_offset(x, y) for x, y in parts]), []
     for s, offset in zip(used, offsets, strict=True):
+        start = f"the stress begins at {100 * offset:+.1f} % of its peak"
         if abs(offset) > OFFSET:
-            raise InputError(
-                f"{s.file}: the force begins at {100 * offset:.0f} % of its peak, which is no pre-load; "
-                "zero the load cell, or subtract the offset from its column."
-            )
+            remedy = "zero the load cell, or subtract the offset from the column of the force"
+            raise InputError(f"{s.file}: {start}, which is no pre-load; {remedy}.")
         if offset:
-            notes.append(
-                f"{s.file}: the stress begins at {100 * offset:+.1f} % of its peak (pre-load or offset); subtracted."
-            )
+            notes.append(f"{s.file}: {start} (pre-load or offset); subtracted.")
 
-    top = float(_powers(np.ones(1), terms)[0] @ c)
-    if len(used) > 1:
-        alone = np.array(
-            [_constrained([xi], [yi - e], terms, False)[0] for xi, yi, e in zip(x, y, offsets, strict=True)]
-        )
-        errors = alone.std(axis=0, ddof=1) / np.sqrt(len(used))
-        curves = _powers(np.linspace(0, 1, 51), terms) @ alone.T
-        spread = float((curves.std(axis=1, ddof=1) / np.sqrt(len(used))).max()) / top
+    x, n = np.concatenate([x for x, _ in parts]), sum(len(x) for x, _ in parts)
+    y = np.concatenate([y - offset for (_, y), offset in zip(parts, offsets, strict=True)])
+    weight = np.concatenate([np.full(len(x), n / len(parts) / len(x)) for x, _ in parts])
+    fits = [_constrained(x, y, weight, terms) for terms in (2, 4)]
+    scores = [n * np.log(max(rss, 1e-300) / n) + len(c) * np.log(n) for c, rss, _ in fits]
+    c, rss, held = fits[int(np.argmin(scores))]
+    terms = len(c)
+    P = _powers(np.linspace(0, 1, 51), terms)
+    if len(parts) > 1:
+        pairs = zip(parts, offsets, strict=True)
+        alone = np.array([_constrained(x, y - offset, np.ones(len(x)), terms)[0] for (x, y), offset in pairs])
+        covariance = np.cov(alone.T) / len(parts)
     else:
-        A = _powers(x[0], terms)
+        A = _powers(x, terms)
         covariance = np.linalg.inv(A.T @ A) * rss / max(n - terms, 1)
-        errors = np.sqrt(np.diag(covariance))
-        P = _powers(np.linspace(0, 1, 51), terms)
-        spread = float(np.sqrt(np.einsum("ij,jk,ik->i", P, covariance, P)).max()) / top
-    to_pa = scale / limit ** np.arange(1, terms + 1)
+    to_pa, top = scale / limit ** np.arange(1, terms + 1), float(P[-1] @ c)
     return Loading(
         modulus=tuple(map(float, c * to_pa)),
-        errors=tuple(map(float, errors * to_pa)),
+        errors=tuple(map(float, np.sqrt(np.diag(covariance)) * to_pa)),
         limit=limit,
         offsets=tuple(map(float, offsets * scale)),
         residual=float(np.sqrt(rss / n)) / top,
-        spread=spread,
+        spread=float(np.sqrt(np.einsum("ij,jk,ik->i", P, covariance, P).max())) / top,
         held=held,
         notes=tuple(notes),
     )
@@ -136,50 +128,34 @@ def _powers(x: Array, terms: int) -> Array:
     return x[..., None] ** k / k
 
 
-def _constrained(
-    x: Sequence[Array], y: Sequence[Array], terms: int, with_offsets: bool = True
-) -> tuple[Array, Array, float, bool]:
-    """Coefficients (terms,), offsets (specimens,), sum of squares, and whether the constraint was at work; x in [0, 1].
+def _offset(x: Array, y: Array) -> float:
+    """Where a free quartic through one specimen begins; zero if that is within three standard errors of zero."""
+    A = np.hstack([np.ones((len(x), 1)), _powers(x, 4)])
+    c, *_ = np.linalg.lstsq(A, y)
+    variance = float(((A @ c - y) ** 2).sum()) / max(len(y) - 5, 1)
+    error = np.sqrt(np.linalg.pinv(A.T @ A)[0, 0] * variance)
+    return float(c[0]) if abs(c[0]) > max(3 * error, 1e-9) else 0.0
 
-    Every specimen counts alike, however densely it was recorded. An offset within three standard errors of
-    zero is zero.
-    """
-    count, n = len(x), sum(map(len, x))
-    weights = np.concatenate([np.full(len(xi), np.sqrt(n / count / len(xi))) for xi in x])
-    which = np.repeat(np.arange(count), [len(xi) for xi in x])
-    A, b = _powers(np.concatenate(x), terms), np.concatenate(y)
-    kept = np.arange(count) if with_offsets else np.empty(0, dtype=int)
-    while True:
-        full = np.hstack([A, (which[:, None] == kept).astype(float)]) * weights[:, None]
-        solution, *_ = np.linalg.lstsq(full, b * weights)
-        rss = float(((full @ solution - b * weights) ** 2).sum())
-        error = np.sqrt(np.diag(np.linalg.pinv(full.T @ full)) * rss / max(n - len(solution), 1))
-        small = np.abs(solution[terms:]) < 3 * error[terms:]
-        if not small.any():
-            break
-        kept = kept[~small]
+
+def _constrained(x: Array, y: Array, weight: Array, terms: int) -> tuple[Array, float, bool]:
+    """Coefficients (terms,), weighted sum of squares, and whether the constraint was at work; x in [0, 1]."""
+    root = np.sqrt(weight)
+    A, b = _powers(x, terms) * root[:, None], y * root
+    c, *_ = np.linalg.lstsq(A, b)
     # the modulus c . (1, x, x^2, ...) at so many points that between them it cannot fall noticeably below
-    D = np.linspace(0, 1, 101)[:, None] ** np.arange(terms)
-    floor = LEAST * max(np.concatenate(y).max(), 1e-12)
-    held = bool((D @ solution[:terms] < floor).any())
+    wall, floor = np.linspace(0, 1, 101)[:, None] ** np.arange(terms), LEAST * max(float(y.max()), 1e-12)
+    held = bool((wall @ c < floor).any())
     if held:
-        wall = np.hstack([D, np.zeros((len(D), len(kept)))])
-        H, g = full.T @ full / n, full.T @ (b * weights) / n
-        start = np.zeros(len(solution))
-        start[0] = max(np.concatenate(y).max(), 10 * floor)
-        answer = minimize(
+        H, g = A.T @ A / len(x), A.T @ b / len(x)
+        c = minimize(
             lambda z: 0.5 * z @ H @ z - g @ z,
-            start,
+            np.eye(terms)[0] * max(float(y.max()), 10 * floor),
             jac=lambda z: H @ z - g,
             method="SLSQP",
             constraints=LinearConstraint(wall, lb=1.001 * floor),
             options={"maxiter": 500, "ftol": 1e-14},
-        )
-        solution = answer.x
-        rss = float(((full @ solution - b * weights) ** 2).sum())
-    offsets = np.zeros(count)
-    offsets[kept] = solution[terms:]
-    return solution[:terms], offsets, rss, held
+        ).x
+    return c, float(((A @ c - b) ** 2).sum()), held
 
 
 @dataclass(frozen=True)

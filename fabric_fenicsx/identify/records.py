@@ -112,7 +112,7 @@ def read_table(path: str | Path, recognise: Sequence[str]) -> Table:
         raise InputError(
             f"{file}: no line names its columns ({wanted}); add one, such as 'time_s,displacement_mm,force_N'."
         )
-    mark = max(";\t,", key=lines[start][1].count)
+    mark = _mark(lines[start][1])
     rows = list(csv.reader((line for _, line in lines[start:]), delimiter=mark, skipinitialspace=True))
     headers, numbers = [cell.strip() for cell in rows[0]], [n for n, _ in lines[start:]]
     body, columns = 1, [units.split(h) for h in headers]
@@ -208,7 +208,7 @@ def _find(table: Table, quantity: str, needed: bool = True) -> tuple[str, Array]
 def _plausible(table: Table, displacement: Array, force: Array, strip: Strip) -> None:
     """Refuse what a wrong unit or a wrong column would give."""
     reach, peak = displacement.max() / strip.gauge_length, force.max()
-    if not 1e-4 < reach < 3:
+    if not 1e-3 < reach < 3:
         raise InputError(
             f"{table.file}: the displacement reaches {1e3 * displacement.max():.4g} mm on a gauge length of "
             f"{1e3 * strip.gauge_length:g} mm; correct the unit of its column, or the gauge length."
@@ -224,9 +224,14 @@ def _plausible(table: Table, displacement: Array, force: Array, strip: Strip) ->
 
 def _names_columns(line: str, recognise: Sequence[str]) -> bool:
     """Whether a line holds every word in a cell of its own."""
-    cells = line.lower().split(max(";\t,", key=line.count))
+    cells = line.lower().split(_mark(line))
     found = [next((i for i, cell in enumerate(cells) if re.search(word, cell)), None) for word in recognise]
     return None not in found and len(set(found)) == len(found)
+
+
+def _mark(line: str) -> str:
+    """What separates the columns; a comma may also stand within a name, or within a number."""
+    return next((mark for mark in "\t;" if mark in line), ",")
 
 
 def _unit(cell: str) -> str:
