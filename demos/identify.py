@@ -2,7 +2,8 @@
 
 With the list of your own tests (see `fabric_fenicsx.identify.listing`), it identifies that fabric. Without, it makes
 synthetic records of a known one, 2 % noise and three specimens of each test, identifies it again, and checks that the
-curves come back; --inverse also finds its shear from the force of the bias test alone, on a simulated strip.
+curves come back. Where nobody photographed the yarns of the bias test, --shear inverse finds the shear curve by which a
+simulated strip pulls like the measured one, and --shear net takes the strip for a net of inextensible yarns.
 """
 
 import argparse
@@ -13,7 +14,7 @@ import numpy as np
 
 from fabric_fenicsx import command, fabrics, identify, results
 from fabric_fenicsx.errors import InputError
-from fabric_fenicsx.identify import inverse, report, synthetic
+from fabric_fenicsx.identify import inverse, net, report, synthetic
 
 STRIP = Path(__file__).parent.parent / "meshes" / "strip.geo"
 ACCEPTED = {"warp_curve": 3.0, "weft_curve": 3.0, "shear_curve": 5.0, "nu12": 5.0, "nu21": 5.0}
@@ -38,12 +39,14 @@ def unmarked(found):
     return replace(found, curves={way: found.curves[way] for way in found.curves if way != "shear"}, yarn_stretch=None)
 
 
-def one(path, out, inversely, ends):
+def one(path, out, shear, ends):
     """Identify the fabric of a list of tests; write what can be written. The result, and the fabric or None."""
     found = identify.identify(identify.read(path))
-    if inversely:
-        command.say("looking for the shear curve on a simulated strip ...")
+    if shear == "inverse":
+        command.say("  looking for the shear curve on a simulated strip ...")
         found = inverse.shear(unmarked(found), STRIP, ends=ends)
+    elif shear == "net":
+        found = net.shear(unmarked(found))
     for ending in "pdf", "png":
         report.write(found, out / f"report.{ending}")
     for word in (*found.notes, *(f"not determined: {word}" for word in found.undetermined)):
@@ -64,8 +67,8 @@ def arguments():
     parser.add_argument("--noise", type=command.number, default=2.0, help="%% of the largest value of each test")
     parser.add_argument("--specimens", type=command.positive, default=3, help="of each synthetic test")
     parser.add_argument("--seed", type=command.positive, default=2010)
-    parser.add_argument("--inverse", action="store_true", help="shear by simulation, without photographs of the yarns")
-    parser.add_argument("--ends", choices=["clamped", "free"], help="of the bias strip, may they contract? "
+    parser.add_argument("--shear", choices=["photographs", "inverse", "net"], default="photographs")
+    parser.add_argument("--ends", choices=["clamped", "free"], help="of the simulated strip, may they contract? "
                         "(if left out: clamped for your tests, free for synthetic ones)")  # fmt: skip
     parser.add_argument("--out", type=Path, default=Path("out/identify"))
     return command.parse(parser)
@@ -75,7 +78,7 @@ def main():
     args = arguments()
     out = results.folder(args.out)
     if args.tests:
-        _, fabric = one(args.tests, out, args.inverse, args.ends or "clamped")
+        _, fabric = one(args.tests, out, args.shear, args.ends or "clamped")
         command.say(f"see {out / 'report.pdf'}" + (f"; use it with --fabric {out / 'fabric.toml'}" if fabric else ""))
         return 0
     if not 0 <= args.noise <= 20:
@@ -88,7 +91,7 @@ def main():
         known = fabrics.load(name)
         folder = results.folder(out / Path(name).stem)
         tests = synthetic.write(known, folder / "synthetic_records", args.specimens, args.noise / 100, args.seed)
-        _, again = one(tests, folder, args.inverse, args.ends or "free")
+        _, again = one(tests, folder, args.shear, args.ends or "free")
         miss = recovery(known, again)
         right = right and all(abs(miss[key]) <= accepted for key, accepted in ACCEPTED.items())
         command.say(f"{known.name:12s}" + "".join(f"{miss[key]:12.2f}" for key in ACCEPTED))

@@ -16,8 +16,10 @@ from fabric_fenicsx.identify import (
     branches,
     curves,
     identification,
+    inverse,
     listing,
     markers,
+    net,
     records,
     report,
     synthetic,
@@ -510,3 +512,87 @@ def test_the_report_is_one_page_with_every_number(tmp_path, found):
     table = figure.axes[-1].texts[0].get_window_extent()
     assert table.x1 < figure.bbox.x1 and table.y0 > 0
     report.draw(blank())  # nothing known: still a page
+
+
+# --- shear without photographs
+
+
+def test_a_net_gives_the_shear_curve_of_its_energy(tmp_path):
+    """Force as the derivative of the energy in the zones that shear by the whole and by half the angle."""
+    H, W, h = 0.3, 0.1, 1e-3
+    modulus = np.polynomial.Polynomial([5e4, 2e5, -1e6, 9e6])  # dS12/dE12
+    energy = 2 * modulus.integ(2)  # per volume, S12 d(2 E12)
+
+    def total(d):
+        whole = np.arcsin((1 + d / (H - W)) ** 2 - 1)
+        return h * (energy(np.sin(whole) / 2) * W * (2 * H - 3 * W) / 2 + energy(np.sin(whole / 2) / 2) * W**2)
+
+    d = np.linspace(0, 0.068, 100)
+    force = (total(d + 1e-7) - total(d - 1e-7)) / 2e-7
+    path = tmp_path / "bias.csv"
+    np.savetxt(path, np.column_stack([d, force]), delimiter=",", header="displacement_m,force_N", comments="")
+    tests = replace(blank().tests, strip=records.Strip(H, W, h), records={"bias": [path]})
+    answer = net.shear(identification.identify(tests))
+    fit = answer.curves["shear"].loading
+    E12 = np.linspace(0, fit.limit, 50)
+    true = modulus.integ()(E12)
+    assert fit.limit == pytest.approx(((1 + 0.068 / 0.2) ** 2 - 1) / 2)
+    assert np.abs(fit.stress(E12) - true).max() < 2e-3 * true.max()
+    with pytest.raises(InputError, match="less than twice width_mm"):
+        net.shear(replace(answer, tests=replace(tests, strip=records.Strip(H, 0.2, h))))
+    far = net.shear(replace(answer, tests=replace(tests, strip=records.Strip(H, 0.15, h))))
+    assert "would shear by more than 55 degrees" in far.notes[-1]
+    assert far.curves["shear"].loading.limit < np.sin(np.radians(55)) / 2
+
+
+def test_a_published_bias_test():
+    """Plain weave of glass, J. Cao et al. (2008): the shear stress of two sizes of strip agrees within 30 %.
+
+    There is no more in these records: no yarn test, no photograph, no way back; that is said, and no fabric is written.
+    """
+    fits = []
+    for size in "115x230", "150x450":
+        tests = listing.read(Path(__file__).parent / "data" / f"cao2008_bias_glass_plain_{size}mm.toml")
+        answer = identification.identify(tests)
+        assert {word.split(":")[0] for word in answer.undetermined} >= {
+            "warp curve",
+            "weft curve",
+            "shear curve",
+            "nu12",
+        }
+        with pytest.raises(InputError, match="the records do not tell the warp curve"):
+            answer.toml()
+        found = net.shear(answer)
+        assert "shear unloading: no record comes back" in " ".join(found.undetermined)
+        if size == "150x450":
+            fit = found.curves["shear"].loading
+            assert fit.residual < 0.02 and np.degrees(np.arcsin(2 * fit.limit)) == pytest.approx(55, abs=1.0)
+        one = found.curves["shear"].readings[0]
+        fits.append(np.interp(np.sin(np.radians([20, 25, 30, 35, 40])) / 2, one.strain, one.stress))
+    assert np.abs(fits[0] / fits[1] - 1).max() < 0.3
+
+
+def test_the_simulated_strip_finds_the_shear_curve(found):
+    """Forces of a coarse strip of a known fabric, ends free to contract, come back as its shear curve and unloading."""
+    known, (answer, _) = fabrics.load("muslin"), found("muslin", specimens=1, noise=0)
+    search = inverse._Search(answer, MESHES / "strip.geo", (6, 2), "free", 5)
+    search.limit = known.shear.limit / 2
+    top = search.d[-1]
+    d = np.concatenate([np.linspace(0, top, 17), top - top * np.linspace(0, 0.06, 13)[1:]])
+    S = np.concatenate([[0.0], search._pull(known, d[1:])])
+    E = curves.green_lagrange(d, known.gauge_length)
+    slope, error, _ = curves.unloading(E[16:], E[16:], S[16:])
+    measured = identification.Curve(
+        curves.loading([Readings("bias", E[:17], S[:17])]), Estimate(slope, error, 1), [], []
+    )
+    blind = replace(answer, bias=measured, curves={way: answer.curves[way] for way in ("warp", "weft")})
+    assert "shear curve: no photographs of the yarns" in blind.undetermined
+    curve = inverse.shear(blind, MESHES / "strip.geo", (6, 2), "free", 5).curves["shear"]
+    E12 = np.linspace(0, curve.loading.limit, 50)
+    true = known.shear.stress(2 * E12)
+    assert curve.loading.limit == pytest.approx(known.shear.limit / 2, rel=0.05)
+    assert np.abs(curve.loading.stress(E12) - true).max() < 0.02 * true.max()
+    assert curve.unloading.value == pytest.approx(2 * known.shear.unloading, rel=0.05)
+    assert "inverse simulation" in curve.how
+    with pytest.raises(InputError, match="needs weft too"):
+        inverse.shear(replace(blind, curves={"warp": answer.curves["warp"]}), MESHES / "strip.geo")

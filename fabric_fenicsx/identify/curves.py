@@ -92,7 +92,7 @@ def loading(specimens: Sequence[Readings]) -> Loading:
             remedy = "zero the load cell, or subtract the offset from the column of the force"
             raise InputError(f"{s.file}: {start}, which is no pre-load; {remedy}.")
         if offset:
-            notes.append(f"{s.file}: {start} (pre-load or offset); subtracted.")
+            notes.append(f"{s.file}: {start} (pre-load, offset or friction); subtracted.")
 
     x, n = np.concatenate([x for x, _ in parts]), sum(len(x) for x, _ in parts)
     y = np.concatenate([y - offset for (_, y), offset in zip(parts, offsets, strict=True)])
