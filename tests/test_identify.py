@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from fabric_fenicsx import fabrics
@@ -504,8 +504,8 @@ def test_the_report_is_one_page_with_every_number(tmp_path, found):
     ):
         assert number in words
     assert "synthetic" in " ".join(text.get_text() for text in figure.texts)
-    for axes in figure.axes[:6]:  # every panel holds readings and a line
-        assert len(axes.lines) >= 3 and np.isfinite(axes.dataLim.bounds).all()
+    for axes in figure.axes[:-1]:  # every panel holds readings of three specimens and a line
+        assert len(axes.lines) >= 4 and np.isfinite(axes.dataLim.bounds).all()
     report.write(answer, tmp_path / "report.pdf")
     assert (tmp_path / "report.pdf").read_bytes().count(b"/Type /Page ") == 1
     figure.canvas.draw()
@@ -594,5 +594,71 @@ def test_the_simulated_strip_finds_the_shear_curve(found):
     assert np.abs(curve.loading.stress(E12) - true).max() < 0.02 * true.max()
     assert curve.unloading.value == pytest.approx(2 * known.shear.unloading, rel=0.05)
     assert "inverse simulation" in curve.how
+    assert curve.simulated[1] == pytest.approx(measured.loading.stress(curve.simulated[0]), rel=0.02)
     with pytest.raises(InputError, match="needs weft too"):
         inverse.shear(replace(blind, curves={"warp": answer.curves["warp"]}), MESHES / "strip.geo")
+
+
+# --- anything may be in a file
+
+PIECES = st.sampled_from(
+    [
+        "time_s",
+        "force_N",
+        "load (lbf)",
+        "displacement_mm",
+        "strain_%",
+        "warp_stretch (-)",
+        "weft_stretch (-)",
+        "angle_deg",
+    ]
+    + [
+        "a_x_mm",
+        "a_y_mm",
+        "b_x_px",
+        "b_y_px",
+        "c_x_mm",
+        "c_y_mm",
+        "(N)",
+        "mm",
+        "1",
+        "-2.5",
+        "1e300",
+        "1,5",
+        "nan",
+        "",
+        "?",
+    ]
+)
+
+
+@settings(max_examples=300)
+@given(st.lists(st.lists(PIECES, max_size=8), max_size=14), st.sampled_from(",;\t"), st.binary(max_size=6))
+@example([["force_N", "displacement_mm"], ["1e300", "1"]] * 9, ",", b"")
+def test_no_file_is_answered_by_anything_but_a_sentence(tmp_path_factory, rows, mark, noise):
+    path = tmp_path_factory.getbasetemp() / "any.csv"
+    path.write_bytes("\n".join(map(mark.join, rows)).encode() + noise)
+    for read in (lambda: branches.split(records.read(path, STRIP)), lambda: markers.contraction(path)):
+        try:
+            read()
+        except InputError as error:
+            assert re.fullmatch(r"any\.csv: [^\n]+\.", str(error))
+
+
+@settings(max_examples=60)
+@given(seeds, st.integers(8, 60), st.sampled_from([1, 2, 3]))
+def test_any_readings_give_a_curve_or_a_sentence(seed, n, power):
+    """Wild walks of displacement and force, as of a specimen that slips: the modulus is positive all the same."""
+    rng = np.random.default_rng(seed)
+    d = np.abs(np.cumsum(rng.normal(0.1, 1.0, n))) ** power
+    record = records.Record("a.csv", d / max(d.max(), 1e-9) * 0.02, rng.normal(5, 3, n) * np.linspace(0, 1, n))
+    try:
+        part = branches.split(record)
+        E = curves.green_lagrange(record.displacement, 0.0762)
+        fit = curves.loading([Readings("a.csv", E[part.virgin], record.force[part.virgin] * 1e5)])
+        slopes = [curves.unloading(E[run], E[run], 1e5 * record.force[run]) for run in part.unloading]
+    except InputError as error:
+        assert str(error).startswith("a.csv: ")
+        return
+    assert (fit.tangent(np.linspace(0, fit.limit, 500)) > 0).all() and np.isfinite(fit.modulus).all()
+    assert all(slope is None or np.isfinite(slope[0]) for slope in slopes)

@@ -29,7 +29,7 @@ def split(record: Record) -> Branches:
     turns = turning_points(d, max(0.005 * np.ptp(d), 8 * noise(d)))
     virgin: list[np.ndarray] = []
     unloading: list[np.ndarray] = []
-    furthest = -np.inf
+    furthest, virgin_peak = -np.inf, False
     for start, end in pairwise(turns):
         run = np.arange(start, end + 1)
         if d[end] > d[start]:

@@ -25,6 +25,9 @@ class Curve:
     readings: list[Readings]
     ways_back: list[tuple[Array, Array]]  # strain and stress (Pa) from each peak on
     how: str = "measured"
+    simulated: tuple[Array, Array] | None = (
+        None  # axial strain and stress (Pa) of the strip that was fitted to the test
+    )
 
 
 @dataclass(frozen=True)

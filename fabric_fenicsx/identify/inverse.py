@@ -81,7 +81,8 @@ class _Search:
         errors = np.sqrt(np.diag(M @ logs @ M.T))[: len(fit.modulus)]
         fit = replace(fit, errors=tuple(errors), residual=rms, spread=spread)
         unloading = self._unloading(fit.modulus) if self.bias.unloading else None
-        curve = Curve(fit, unloading, [], [], "inverse simulation of the bias test")
+        pulled = self.E, self.target + misfit * self.target[-1]
+        curve = Curve(fit, unloading, [], [], "inverse simulation of the bias test", pulled)
         return replace(self.found, curves={**self.found.curves, "shear": curve})
 
     def _to_coefficients(self) -> Array:

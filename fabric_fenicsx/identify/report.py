@@ -2,11 +2,12 @@
 
 import textwrap
 from os import PathLike
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from .identification import WAYS, Identified
+from ..laws import Array
+from .identification import WAYS, Curve, Identified
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -22,32 +23,22 @@ def draw(found: Identified) -> "Figure":
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(8.27, 11.69))
-    grid = figure.add_gridspec(3, 3, height_ratios=[1.0, 0.85, 1.9], hspace=0.3, wspace=0.36,
-                               left=0.085, right=0.975, top=0.91, bottom=0.03)  # fmt: skip
-    texts = found.tests.texts
-    figure.text(
-        0.05,
-        0.965,
-        f"{texts['name']} ({texts['label']}): {texts['material']}, {texts['weave']}",
-        size=14,
-        weight="bold",
-    )
-    strip = found.tests.strip
-    figure.text(
-        0.05,
-        0.945,
-        f"strip {1e3 * strip.gauge_length:g} x {1e3 * strip.width:g} x {1e3 * strip.thickness:g} mm; "
-        f"records: {found.tests.source}",
-        size=8,
-    )
+    grid = figure.add_gridspec(4, 3, height_ratios=[1.0, 0.32, 0.85, 1.5], hspace=0.36, wspace=0.36,
+                               left=0.085, right=0.975, top=0.91, bottom=0.02)  # fmt: skip
+    texts, strip = found.tests.texts, found.tests.strip
+    title = f"{texts['name']} ({texts['label']}): {texts['material']}, {texts['weave']}"
+    figure.text(0.05, 0.965, title, size=14, weight="bold")
+    size = " x ".join(f"{1e3 * side:g}" for side in (strip.gauge_length, strip.width, strip.thickness))
+    figure.text(0.05, 0.945, f"strip {size} mm; records: {found.tests.source}", size=8)
     for i, way in enumerate(WAYS):
         _curve(figure.add_subplot(grid[0, i]), found, way)
-    for i, (key, title) in enumerate((("nu12", "warp test"), ("nu21", "weft test"))):
-        _ratio(figure.add_subplot(grid[1, i]), found, key, title)
-    _bias(figure.add_subplot(grid[1, 2]), found)
-    axes = figure.add_subplot(grid[2, :])
+        _misfit(figure.add_subplot(grid[1, i]), found, way)
+    for i, (key, test) in enumerate((("nu12", "warp test"), ("nu21", "weft test"))):
+        _ratio(figure.add_subplot(grid[2, i]), found, key, test)
+    _bias(figure.add_subplot(grid[2, 2]), found)
+    axes = figure.add_subplot(grid[3, :])
     axes.axis("off")
-    axes.text(-0.03, 0.97, _table(found), family="monospace", size=7, va="top", linespacing=1.35)
+    axes.text(-0.05, 0.97, _table(found), family="monospace", size=7, va="top", linespacing=1.35)
     return figure
 
 
@@ -56,69 +47,90 @@ def write(found: Identified, path: str | PathLike[str]) -> None:
     draw(found).savefig(path, dpi=130)
 
 
-def _curve(axes: "Axes", found: Identified, way: str) -> None:
-    strain, stress = SYMBOLS[way]
-    axes.set_title(f"{way}", size=9)
-    axes.set_xlabel(f"${strain}$", size=8)
-    axes.set_ylabel(f"${stress}$, MPa", size=8)
+def _frame(axes: "Axes", title: str, x: str, y: str, known: bool, word: str = "not determined") -> bool:
+    """Title and labels; where nothing is known, that is said in the panel. Returns `known`."""
+    axes.set_title(title, size=9)
+    axes.set_xlabel(x, size=8)
+    axes.set_ylabel(y, size=8)
     axes.tick_params(labelsize=7)
-    if way not in found.curves:
-        axes.text(0.5, 0.5, "not determined", ha="center", transform=axes.transAxes, size=8)
-        return
-    curve = found.curves[way]
+    if known:
+        axes.grid(alpha=0.3)
+    else:
+        axes.set(xticks=[], yticks=[])
+        axes.text(0.5, 0.5, word, ha="center", va="center", transform=axes.transAxes, size=8)
+    return known
+
+
+def _dots(axes: "Axes", x: Array, y: Array, **style: Any) -> None:
+    some = slice(None, None, max(1, len(x) // SHOWN))
+    axes.plot(x[some], y[some], ".", ms=1.5, **style)
+
+
+def _data(axes: "Axes", curve: Curve) -> None:
+    """Readings and the fitted curve, MPa."""
     fit = curve.loading
     for k, (readings, offset) in enumerate(zip(curve.readings, fit.offsets, strict=False)):
-        some = slice(None, None, max(1, len(readings.strain) // SHOWN))
-        axes.plot(readings.strain[some], (readings.stress[some] - offset) / 1e6, ".", ms=1.5, color=f"C{k}", alpha=0.5)
+        _dots(axes, readings.strain, (readings.stress - offset) / 1e6, color=f"C{k}", alpha=0.5)
     for E, S in curve.ways_back:
-        some = slice(None, None, max(1, len(E) // SHOWN))
-        axes.plot(E[some], S[some] / 1e6, ".", ms=1.5, color="0.7", zorder=0)
+        _dots(axes, E, S / 1e6, color="0.7", zorder=0)
     E = np.linspace(0, fit.limit, 200)
     axes.plot(E, fit.stress(E) / 1e6, "k-", lw=1.2)
+    top = float(fit.stress(np.array(fit.limit))) / 1e6
+    axes.set_ylim(-0.05 * top, 1.1 * top)
+
+
+def _curve(axes: "Axes", found: Identified, way: str) -> None:
+    stress = SYMBOLS[way][1]
+    if not _frame(axes, way, "", f"${stress}$, MPa", way in found.curves):
+        return
+    curve = found.curves[way]
+    _data(axes, curve)
+    limit, top = curve.loading.limit, float(curve.loading.stress(np.array(curve.loading.limit)))
+    slack = limit - top / found.unloading(way)
+    axes.plot([limit, slack], [top / 1e6, 0], "k--" if curve.unloading else "k:", lw=1.0)
+    axes.set_xlim(min(0.0, slack) - 0.02 * limit, 1.08 * limit)
+
+
+def _misfit(axes: "Axes", found: Identified, way: str) -> None:
+    known = way in found.curves and bool(found.curves[way].readings)
+    word = "fitted to the force of the bias test" if way in found.curves else "not determined"
+    if not _frame(axes, "", f"${SYMBOLS[way][0]}$", "misfit, %", known, word):
+        return
+    fit = found.curves[way].loading
     top = float(fit.stress(np.array(fit.limit)))
-    down = np.array([0.0, top / found.unloading(way)])
-    axes.plot(fit.limit - down, [top / 1e6, 0], "k--" if curve.unloading else "k:", lw=1.0)
-    axes.set_ylim(-0.05 * top / 1e6, 1.1 * top / 1e6)
-    axes.set_xlim(left=min(0.0, fit.limit - down[1]))
-    axes.grid(alpha=0.3)
+    for k, (readings, offset) in enumerate(zip(found.curves[way].readings, fit.offsets, strict=True)):
+        miss = 100 * (readings.stress - offset - fit.stress(readings.strain)) / top
+        _dots(axes, readings.strain, miss, color=f"C{k}", alpha=0.5)
+    axes.axhline(0.0, color="k", lw=1.0)
+    axes.set_xlim(-0.02 * fit.limit, 1.08 * fit.limit)
 
 
-def _ratio(axes: "Axes", found: Identified, key: str, title: str) -> None:
-    name = rf"$\nu_{{{key[2:]}}}$"
-    axes.set_title(f"{name}, {title}", size=9)
-    axes.set_xlabel("strain along the load", size=8)
-    axes.set_ylabel("strain across", size=8)
-    axes.tick_params(labelsize=7)
-    if key not in found.poisson:
-        axes.text(0.5, 0.5, "not determined", ha="center", transform=axes.transAxes, size=8)
+def _ratio(axes: "Axes", found: Identified, key: str, test: str) -> None:
+    title = rf"$\nu_{{{key[2:]}}}$, {test}"
+    if not _frame(axes, title, "strain along the load", "strain across", key in found.poisson):
         return
     for k, one in enumerate(found.contractions[key]):
         axes.plot(one.along, one.across, ".", ms=2.5, color=f"C{k}", alpha=0.6)
     furthest = max(float(one.along.max()) for one in found.contractions[key])
     axes.plot([0, furthest], [0, -found.poisson[key].value * furthest], "k-", lw=1.2)
-    axes.grid(alpha=0.3)
 
 
 def _bias(axes: "Axes", found: Identified) -> None:
-    axes.set_title("bias test as it was pulled", size=9)
-    axes.set_xlabel("axial strain", size=8)
-    axes.set_ylabel("axial stress $S$, MPa", size=8)
-    axes.tick_params(labelsize=7)
-    if found.bias is None:
-        axes.text(0.5, 0.5, "no test", ha="center", transform=axes.transAxes, size=8)
-        return
-    for k, (readings, offset) in enumerate(zip(found.bias.readings, found.bias.loading.offsets, strict=False)):
-        some = slice(None, None, max(1, len(readings.strain) // SHOWN))
-        axes.plot(readings.strain[some], (readings.stress[some] - offset) / 1e6, ".", ms=1.5, color=f"C{k}", alpha=0.5)
-    E = np.linspace(0, found.bias.loading.limit, 200)
-    axes.plot(E, found.bias.loading.stress(E) / 1e6, "k-", lw=1.2)
-    axes.grid(alpha=0.3)
+    known = found.bias is not None
+    if _frame(axes, "bias test as it was pulled", "axial strain", "axial stress $S$, MPa", known) and found.bias:
+        _data(axes, found.bias)
+        shear = found.curves.get("shear")
+        if shear and shear.simulated:
+            E, S = shear.simulated
+            axes.plot(E, S / 1e6, "kx", ms=5, label="simulated strip")
+            axes.legend(fontsize=7)
 
 
 def _table(found: Identified) -> str:
     """Parameters with standard errors, errors of the fits, what is not determined, remarks."""
     lines = [
-        "dots: readings, one colour a specimen, unloading grey; line: fit; dashed: unloading (dotted: not measured)",
+        "dots: readings, one colour a specimen, unloading grey; line: fit; dashed: unloading (dotted: not measured);",
+        "misfit: reading less fit, in percent of the largest stress of the fit",
         "moduli in MPa over the measured thickness; ± is a standard error, from the scatter of n specimens if n > 1",
         "",
     ]
