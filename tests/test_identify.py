@@ -81,7 +81,7 @@ def test_without_noise_the_fabric_is_exact(found, name):
     known, (_, again) = fabrics.load(name), answer.write(folder)
     for way in "warp", "weft", "shear":
         curve, unloading = misses(known, again, way)
-        assert curve < 5e-4 and abs(unloading) < 2e-3, way
+        assert curve < 1e-3 and abs(unloading) < 2e-3, way
     assert again.poisson["measured"] == pytest.approx(known.poisson["measured"], rel=5e-3)
     # Kilby's modulus is the initial one of the law; the axial bias curve is no quartic, hence 6 %
     assert answer.kilby == pytest.approx(known.shear.modulus[0], rel=0.06)
@@ -101,7 +101,7 @@ def test_kilby_is_the_compliance_at_45_degrees():
 
 
 def curve(modulus, limit=0.1, unloading=None):
-    fit = curves.Loading(tuple(modulus), (0.0,) * len(modulus), limit, (0.0,), 0.0, 0.0, False, ())
+    fit = curves.Loading(tuple(modulus), (0.0,) * len(modulus), limit, 0.0, 0.0, False)
     return identification.Curve(fit, unloading, [], [])
 
 
@@ -126,23 +126,18 @@ def test_strain_and_stress_of_appendix_a():
     assert np.trapezoid(S, E) == pytest.approx(np.trapezoid(P, d) / (1e-5 * 0.0762), rel=1e-6)
 
 
-def readings(modulus, limit, n=200, noise=0.0, rng=None, offset=0.0, file="a.csv"):
+def readings(modulus, limit, n=200, noise=0.0, rng=None):
     E = np.linspace(0, limit, n)
     S = np.polynomial.Polynomial(modulus).integ()(E)
-    top = S.max()
-    return Readings(file, E, S + offset * top + (noise * top * rng.standard_normal(n) if noise else 0.0))
+    return Readings("a.csv", E, S + (noise * S.max() * rng.standard_normal(n) if noise else 0.0))
 
 
-@given(
-    st.lists(st.floats(0.02, 3), min_size=4, max_size=4),
-    st.floats(0.02, 0.5),
-    st.lists(st.floats(-0.15, 0.15), min_size=1, max_size=3),
-)
-def test_positive_moduli_are_found_again(heights, limit, offsets):
-    """Any cubic modulus that is positive, here through its Bernstein coefficients, and any pre-loads."""
+@given(st.lists(st.floats(0.02, 3), min_size=4, max_size=4), st.floats(0.02, 0.5), st.integers(1, 3))
+def test_positive_moduli_are_found_again(heights, limit, specimens):
+    """Any cubic modulus that is positive, here through its Bernstein coefficients."""
     a, b, c, d = heights
     modulus = 1e6 * np.array([a, 3 * (b - a), 3 * (a - 2 * b + c), d - a + 3 * (b - c)]) / limit ** np.arange(4.0)
-    fit = curves.loading([readings(modulus, limit, offset=e) for e in offsets])
+    fit = curves.loading([readings(modulus, limit)] * specimens)
     E = np.linspace(0, limit, 50)
     true = np.polynomial.Polynomial(modulus).integ()(E)
     floor = curves.LEAST * 1.5 * true.max() / limit  # where the true one comes close to it, the fit may give way
@@ -181,7 +176,7 @@ def test_standard_errors_are_those_of_repetition():
         fits = [
             curves.loading([readings([8e6, 8e8], 0.25, noise=0.05, rng=rng) for _ in range(count)]) for _ in range(60)
         ]
-        fits = [fit for fit in fits if len(fit.modulus) == 2 and not any(fit.offsets)]
+        fits = [fit for fit in fits if len(fit.modulus) == 2]
         scatter = np.std([fit.modulus for fit in fits], axis=0)
         said = np.sqrt(np.mean(np.square([fit.errors for fit in fits]), axis=0))
         assert len(fits) > 40 and said == pytest.approx(scatter, rel=tolerance)
@@ -399,14 +394,48 @@ def test_a_record_is_refused_in_one_sentence(tmp_path, text, sentence):
     assert sentence in said and said.startswith("warp_1.csv: ") and said.endswith(".") and "\n" not in said
 
 
-def test_a_file_that_is_not_there_or_starts_loaded_is_refused(tmp_path):
+def test_a_file_that_is_not_there_is_refused(tmp_path):
     with pytest.raises(InputError, match=r"nowhere\.csv: cannot be read"):
         records.read(tmp_path / "nowhere.csv", STRIP)
-    with pytest.raises(InputError, match=r"b\.csv: the stress begins at \+25.0 % of its peak, which is no"):
-        curves.loading([readings([1e6, 1e7], 0.1), readings([1e6, 1e7], 0.1, offset=1 / 3, file="b.csv")])
-    fit = curves.loading([readings([1e6, 1e7], 0.1, offset=0.05)])
-    assert "a.csv: the stress begins at +4.8 % of its peak" in fit.notes[0]
-    assert fit.stress(np.array(0.1)) == pytest.approx(1.5e5)
+
+
+@settings(max_examples=50)
+@given(seeds, st.floats(0.04, 0.17), st.sampled_from([1, -1]))
+def test_a_force_at_the_start_is_taken_off(seed, part, sign):
+    """From 4 % of the peak on, under 1 % noise, it is found; where there is none, none is; a third is refused."""
+    d, noise = np.linspace(0, 0.02, 300), np.random.default_rng(seed).standard_normal(300)
+    force = 2e3 * d + 1e5 * d**2
+    clean = force + 0.01 * force.max() * noise
+    record = branches.balance(records.Record("a.csv", d, clean + sign * part * force.max()), np.arange(300))
+    assert np.abs(record.force - clean).max() < 0.03 * force.max()
+    assert re.search(r"a\.csv: the force begins at [+-]\d+\.\d % of its peak", record.notes[0])
+    with pytest.raises(InputError, match=r"a\.csv: .* which is no pre-load; zero the load cell"):
+        branches.balance(records.Record("a.csv", d, clean + 0.35 * force.max()), np.arange(300))
+    exact = records.Record("a.csv", d, force)
+    assert branches.balance(exact, np.arange(300)) is exact
+
+
+def test_a_fabric_comes_back_from_records_as_they_come(tmp_path):
+    """Inches and pounds, tension negative, lines shuffled, one in twenty lost, a load cell off by 0, 3 and 8 %."""
+    known, rng = fabrics.load("denim"), np.random.default_rng(3)
+    path = synthetic.write(known, tmp_path)
+    for k, file in enumerate(sorted(tmp_path.glob("*_?.csv"))):
+        word, head, *rows = file.read_text().splitlines()
+        cells = np.array([[float(cell) for cell in row.split(",")] for row in rows])
+        cells[:, 2] += (0, 0.03, 0.08)[k % 3] * cells[:, 2].max()
+        cells[:, 1:3] /= 25.4, -4.4482216152605
+        rng.shuffle(cells)
+        cells = cells[rng.uniform(size=len(cells)) > 0.05]
+        head = head.replace("displacement_mm", "Extension (in)").replace("force_N", "Load [lbf]")
+        np.savetxt(file, cells, delimiter=",", header=f"{word}\n{head}", comments="")
+    answer = identification.identify(listing.read(path))
+    _, again = answer.write(tmp_path)
+    for way, accepted in ("warp", 0.03), ("weft", 0.03), ("shear", 0.05):
+        curve, unloading = misses(known, again, way)
+        assert curve < accepted and abs(unloading) < 0.05, way
+    said = "\n".join(answer.notes)
+    assert said.count("out of order") == said.count("sign is turned") == 9
+    assert 6 <= said.count("the force begins at +") <= 7
 
 
 @pytest.mark.parametrize(
@@ -575,7 +604,7 @@ def test_a_published_bias_test():
 def test_the_simulated_strip_finds_the_shear_curve(found):
     """Forces of a coarse strip of a known fabric, ends free to contract, come back as its shear curve and unloading."""
     known, (answer, _) = fabrics.load("muslin"), found("muslin", specimens=1, noise=0)
-    search = inverse._Search(answer, MESHES / "strip.geo", (6, 2), "free", 5)
+    search = inverse._Search(answer, MESHES / "strip.geo", (3, 1), "free", 4)
     search.limit = known.shear.limit / 2
     top = search.d[-1]
     d = np.concatenate([np.linspace(0, top, 17), top - top * np.linspace(0, 0.06, 13)[1:]])
@@ -587,7 +616,7 @@ def test_the_simulated_strip_finds_the_shear_curve(found):
     )
     blind = replace(answer, bias=measured, curves={way: answer.curves[way] for way in ("warp", "weft")})
     assert "shear curve: no photographs of the yarns" in blind.undetermined
-    curve = inverse.shear(blind, MESHES / "strip.geo", (6, 2), "free", 5).curves["shear"]
+    curve = inverse.shear(blind, MESHES / "strip.geo", (3, 1), "free", 4).curves["shear"]
     E12 = np.linspace(0, curve.loading.limit, 50)
     true = known.shear.stress(2 * E12)
     assert curve.loading.limit == pytest.approx(known.shear.limit / 2, rel=0.05)

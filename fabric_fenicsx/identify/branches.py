@@ -1,15 +1,18 @@
 """Takes a record apart: where the fabric is loaded for the first time, and where it is unloaded from a peak."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
 
 from ..errors import InputError
 from ..laws import Array
+from . import curves
 from .records import Record
 
 FALL = 0.8  # a force that ends below this part of its peak, while the strip is still drawn, has passed yield
+
+SMALL, OFFSET = 0.005, 0.2  # a force at the start below the first part of its peak is none, above the other no pre-load
 
 
 @dataclass(frozen=True)
@@ -21,6 +24,25 @@ class Branches:
     unloading: list[np.ndarray]
     """One run of readings for each way back from a virgin peak, the peak first."""
     notes: tuple[str, ...]
+
+
+def balance(record: Record, virgin: np.ndarray) -> Record:
+    """The same without a force at the start that is more than noise: a pre-load, an offset, or a first friction.
+
+    Raises InputError where it is too large for any of these.
+    """
+    force = record.force[virgin]
+    first = curves.offset(record.displacement[virgin], force)
+    peak = float(_median(force).max()) - first
+    if abs(first) < SMALL * peak:
+        return record
+    start = f"{record.file}: the force begins at {100 * first / peak:+.1f} % of its peak"
+    if abs(first) > OFFSET * peak:
+        raise InputError(
+            f"{start}, which is no pre-load; zero the load cell, or subtract the offset from the column of the force."
+        )
+    note = f"{start} (pre-load, offset or friction); subtracted."
+    return replace(record, force=record.force - first, notes=(*record.notes, note))
 
 
 def split(record: Record) -> Branches:

@@ -1,8 +1,8 @@
 """From readings to the curves of section 7.1: stress and strain, loading polynomials, unloading slopes.
 
-A loading curve is S = e + c0 E + c1 E^2/2 (+ c2 E^3/3 + c3 E^4/4), (6.14), whose derivative is the modulus
-D = c0 + c1 E (+ c2 E^2 + c3 E^3), (6.16). The constant e is a specimen's own, a pre-load or an offset of the load cell,
-and no part of the fabric. D is held above a small positive value over the whole range by the fit itself.
+A loading curve is S = c0 E + c1 E^2/2 (+ c2 E^3/3 + c3 E^4/4), (6.14), whose derivative is the modulus
+D = c0 + c1 E (+ c2 E^2 + c3 E^3), (6.16), held above a small positive value over the whole range by the fit itself. The
+constant of (6.14) is a specimen's own, a pre-load or an offset of the load cell: `offset` takes it off the force.
 """
 
 from collections.abc import Sequence
@@ -11,11 +11,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import LinearConstraint, minimize
 
-from ..errors import InputError
 from ..laws import Array
 
 LEAST = 0.01  # smallest modulus that a fit may have, over the mean one
-OFFSET = 0.2  # a constant above this part of the largest stress is no pre-load
 RAMP = 1e-3  # strain after a reversal in which the slope still changes (6.3.1), so that it is no part of the slope
 DOWN = (0.3, 0.5, 0.7)  # parts of the peak stress down to which an unloading may be straight
 
@@ -59,14 +57,12 @@ class Loading:
     modulus: tuple[float, ...]  # Pa, ascending powers of the strain
     errors: tuple[float, ...]  # standard errors of them
     limit: float
-    offsets: tuple[float, ...]  # Pa, one a specimen
     residual: float  # root mean square over the largest fitted stress
     spread: float  # largest standard error of the curve, from the scatter of the specimens, over the same
     held: bool  # whether the modulus would have been too small without the constraint
-    notes: tuple[str, ...]
 
     def stress(self, strain: Array) -> Array:
-        """Stress (Pa) without the offsets."""
+        """Stress (Pa)."""
         return _powers(np.asarray(strain), len(self.modulus)) @ np.array(self.modulus)
 
     def tangent(self, strain: Array) -> Array:
@@ -78,24 +74,14 @@ def loading(specimens: Sequence[Readings]) -> Loading:
     """The quadratic or quartic stress that fits best under a positive modulus.
 
     Best is by Schwarz's criterion: a quartic must earn its two further coefficients. Every specimen counts alike,
-    however densely it was recorded. The range ends where half of the specimens end. Raises InputError for an
-    offset that is no pre-load.
+    however densely it was recorded. The range ends where half of the specimens end.
     """
     limit = float(np.median([s.strain.max() for s in specimens]))
     used = [Readings(s.file, s.strain[s.strain <= limit], s.stress[s.strain <= limit]) for s in specimens]
     scale = max(float(s.stress.max()) for s in used)
     parts = [(s.strain / limit, s.stress / scale) for s in used]
-    offsets, notes = np.array([_offset(x, y) for x, y in parts]), []
-    for s, offset in zip(used, offsets, strict=True):
-        start = f"the stress begins at {100 * offset:+.1f} % of its peak"
-        if abs(offset) > OFFSET:
-            remedy = "zero the load cell, or subtract the offset from the column of the force"
-            raise InputError(f"{s.file}: {start}, which is no pre-load; {remedy}.")
-        if offset:
-            notes.append(f"{s.file}: {start} (pre-load, offset or friction); subtracted.")
-
-    x, n = np.concatenate([x for x, _ in parts]), sum(len(x) for x, _ in parts)
-    y = np.concatenate([y - offset for (_, y), offset in zip(parts, offsets, strict=True)])
+    x, y = (np.concatenate(both) for both in zip(*parts, strict=True))
+    n = len(x)
     weight = np.concatenate([np.full(len(x), n / len(parts) / len(x)) for x, _ in parts])
     fits = [_constrained(x, y, weight, terms) for terms in (2, 4)]
     scores = [n * np.log(max(rss, 1e-300) / n) + len(c) * np.log(n) for c, rss, _ in fits]
@@ -103,8 +89,7 @@ def loading(specimens: Sequence[Readings]) -> Loading:
     terms = len(c)
     P = _powers(np.linspace(0, 1, 51), terms)
     if len(parts) > 1:
-        pairs = zip(parts, offsets, strict=True)
-        alone = np.array([_constrained(x, y - offset, np.ones(len(x)), terms)[0] for (x, y), offset in pairs])
+        alone = np.array([_constrained(x, y, np.ones(len(x)), terms)[0] for x, y in parts])
         covariance = np.cov(alone.T) / len(parts)
     else:
         A = _powers(x, terms)
@@ -114,11 +99,9 @@ def loading(specimens: Sequence[Readings]) -> Loading:
         modulus=tuple(map(float, c * to_pa)),
         errors=tuple(map(float, np.sqrt(np.diag(covariance)) * to_pa)),
         limit=limit,
-        offsets=tuple(map(float, offsets * scale)),
         residual=float(np.sqrt(rss / n)) / top,
         spread=float(np.sqrt(np.einsum("ij,jk,ik->i", P, covariance, P).max())) / top,
         held=held,
-        notes=tuple(notes),
     )
 
 
@@ -128,13 +111,13 @@ def _powers(x: Array, terms: int) -> Array:
     return x[..., None] ** k / k
 
 
-def _offset(x: Array, y: Array) -> float:
-    """Where a free quartic through one specimen begins; zero if that is within three standard errors of zero."""
-    A = np.hstack([np.ones((len(x), 1)), _powers(x, 4)])
-    c, *_ = np.linalg.lstsq(A, y)
-    variance = float(((A @ c - y) ** 2).sum()) / max(len(y) - 5, 1)
-    error = np.sqrt(np.linalg.pinv(A.T @ A)[0, 0] * variance)
-    return float(c[0]) if abs(c[0]) > max(3 * error, 1e-9) else 0.0
+def offset(strain: Array, force: Array) -> float:
+    """Where a free quartic through the loading of one specimen begins; zero if within three standard errors of zero."""
+    A = np.hstack([np.ones((len(strain), 1)), _powers(strain / strain.max(), 4)])
+    c, *_ = np.linalg.lstsq(A, force)
+    variance = float(((A @ c - force) ** 2).sum()) / max(len(force) - 5, 1)
+    error = float(np.sqrt(np.linalg.pinv(A.T @ A)[0, 0] * variance))
+    return float(c[0]) if abs(c[0]) > 3 * error else 0.0
 
 
 def _constrained(x: Array, y: Array, weight: Array, terms: int) -> tuple[Array, float, bool]:

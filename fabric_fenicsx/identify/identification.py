@@ -153,9 +153,9 @@ def identify(tests: listing.Tests) -> Identified:
             continue
         read = [records.read(path, tests.strip) for path in tests.records[way]]
         parts = [branches.split(record) for record in read]
+        read = [branches.balance(record, part.virgin) for record, part in zip(read, parts, strict=True)]
         axial = _curve(tests.strip, read, parts)
         notes += [note for r, p in zip(read, parts, strict=True) for note in (*r.notes, *p.notes)]
-        notes += axial.loading.notes
         displacement[way] = tests.strip.gauge_length * (np.sqrt(1 + 2 * axial.loading.limit) - 1)
         if way != "bias":
             found[way] = axial
@@ -224,11 +224,7 @@ def _shear(
         runs = [run[np.isfinite(E12[run])] for run in part.unloading]
         back += [(E12[run] - rest, S12[run]) for run in runs]
         slopes.append([curves.unloading(E[run], E12[run], S12[run]) for run in runs if len(run) > 3])
-    loading = curves.loading(readings)
-    return Curve(loading, _slope(slopes), readings, back), [
-        *notes,
-        *(note for note in loading.notes if note not in notes),
-    ]
+    return Curve(curves.loading(readings), _slope(slopes), readings, back), notes
 
 
 def _smooth(x: Array, y: Array) -> tuple[np.polynomial.Polynomial, float]:

@@ -39,9 +39,9 @@ def shear(found: Identified) -> Identified:
             "part of a bias strip shears freely; test a longer one."
         )
     parts, notes = [], list(found.notes)
-    for readings, offset in zip(bias.readings, bias.loading.offsets, strict=True):
+    for readings in bias.readings:
         stretch = np.sqrt(1 + 2 * readings.strain)
-        force = (readings.stress - offset) * strip.area * stretch
+        force = readings.stress * strip.area * stretch
         E12 = curves.green_lagrange((stretch - 1) * H, H - W)
         sure = 2 * E12 < np.sin(np.radians(ANGLE))
         if not sure.all():

@@ -69,8 +69,8 @@ def _dots(axes: "Axes", x: Array, y: Array, **style: Any) -> None:
 def _data(axes: "Axes", curve: Curve) -> None:
     """Readings and the fitted curve, MPa."""
     fit = curve.loading
-    for k, (readings, offset) in enumerate(zip(curve.readings, fit.offsets, strict=False)):
-        _dots(axes, readings.strain, (readings.stress - offset) / 1e6, color=f"C{k}", alpha=0.5)
+    for k, readings in enumerate(curve.readings):
+        _dots(axes, readings.strain, readings.stress / 1e6, color=f"C{k}", alpha=0.5)
     for E, S in curve.ways_back:
         _dots(axes, E, S / 1e6, color="0.7", zorder=0)
     E = np.linspace(0, fit.limit, 200)
@@ -98,8 +98,8 @@ def _misfit(axes: "Axes", found: Identified, way: str) -> None:
         return
     fit = found.curves[way].loading
     top = float(fit.stress(np.array(fit.limit)))
-    for k, (readings, offset) in enumerate(zip(found.curves[way].readings, fit.offsets, strict=True)):
-        miss = 100 * (readings.stress - offset - fit.stress(readings.strain)) / top
+    for k, readings in enumerate(found.curves[way].readings):
+        miss = 100 * (readings.stress - fit.stress(readings.strain)) / top
         _dots(axes, readings.strain, miss, color=f"C{k}", alpha=0.5)
     axes.axhline(0.0, color="k", lw=1.0)
     axes.set_xlim(-0.02 * fit.limit, 1.08 * fit.limit)
