@@ -24,6 +24,14 @@ class Strip(NamedTuple):
     pull: Callable[[float], None]
     ends: tuple[np.ndarray, np.ndarray]
 
+    def renew(self, law: Law) -> None:
+        """Back to rest, of another law of the same kind: in the plane or as a membrane, without a new form."""
+        self.pull(0.0)
+        self.u.x.array[:] = 0.0
+        self.hook.law = law
+        self.hook.history = hook.History(law.initial_state, len(self.hook.history.committed))
+        self.solver.commit()
+
 
 def strip(
     domain: Domain,

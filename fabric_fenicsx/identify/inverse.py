@@ -58,6 +58,7 @@ class _Search:
         free = max(strip.gauge_length - strip.width, strip.width) if ends == "clamped" else strip.gauge_length
         self.limit = float(curves.green_lagrange(self.d[-1], free))
         self.largest = 0.0
+        self.scene: specimen.Strip | None = None
 
     def solve(self) -> Identified:
         guess = np.full(NODES, np.log(self.target[-1] / 2 / self.E[-1]))
@@ -128,8 +129,11 @@ class _Search:
     def _pull(self, fabric: fabrics.Fabric, path: Array) -> Array:
         """Axial stress (Pa), (3.1), of the strip at the displacements of a path; leaves its largest E12."""
         strip = self.t.strip
-        scene = specimen.strip(self.domain, fabric, Woven(fabric), np.pi / 4, self.ends)
-        forces = []
+        scene, forces = self.scene, []
+        if scene is None:
+            scene = self.scene = specimen.strip(self.domain, fabric, Woven(fabric), np.pi / 4, self.ends)
+        else:
+            scene.renew(Woven(fabric))
         with warnings.catch_warnings():
             warnings.filterwarnings("ignore", message=".*is beyond the measured")
             self.largest = 0.0
