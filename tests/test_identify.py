@@ -607,13 +607,16 @@ def test_the_simulated_strip_finds_the_shear_curve(found):
     search = inverse._Search(answer, MESHES / "strip.geo", (3, 1), "free", 4)
     search.limit = known.shear.limit / 2
     top = search.d[-1]
-    d = np.concatenate([np.linspace(0, top, 17), top - top * np.linspace(0, 0.06, 13)[1:]])
+    d = np.concatenate([np.linspace(0, top, 41), top - top * np.linspace(0, 0.06, 13)[1:]])
     S = np.concatenate([[0.0], search._pull(known, d[1:])])
+    other = search._pull(fabrics.load("duck"), d[1:])
+    # the strip of a law is the same new or used before, by another law
+    assert search._pull(known, d[1:]) == pytest.approx(S[1:], rel=1e-5, abs=1e-5 * S.max())
+    assert np.abs(other - S[1:]).max() > 0.1 * S.max()
     E = curves.green_lagrange(d, known.gauge_length)
-    slope, error, _ = curves.unloading(E[16:], E[16:], S[16:])
-    measured = identification.Curve(
-        curves.loading([Readings("bias", E[:17], S[:17])]), Estimate(slope, error, 1), [], []
-    )
+    slope, error, _ = curves.unloading(E[40:], E[40:], S[40:])
+    up = Readings("bias", E[:41], S[:41])
+    measured = identification.Curve(curves.loading([up]), Estimate(slope, error, 1), [up], [(E[40:], S[40:])])
     blind = replace(answer, bias=measured, curves={way: answer.curves[way] for way in ("warp", "weft")})
     assert "shear curve: no photographs of the yarns" in blind.undetermined
     curve = inverse.shear(blind, MESHES / "strip.geo", (3, 1), "free", 4).curves["shear"]

@@ -4,12 +4,13 @@ The only part of the identification that needs FEniCSx.
 """
 
 import warnings
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 from mpi4py import MPI
-from scipy.optimize import brentq, least_squares
+from scipy.optimize import least_squares, minimize_scalar
 
 from .. import fabrics, meshing, specimen, statics
 from ..errors import InputError
@@ -21,6 +22,7 @@ from .identification import Curve, Identified
 
 NODES = 4  # as many moduli as a quartic stress has coefficients
 SMOOTH = 0.01  # weight on second differences of the logarithms of the moduli: what the test does not tell stays even
+DOWN = 0.3  # part of the peak stress down to which the way back is followed
 
 
 def shear(
@@ -29,7 +31,7 @@ def shear(
     """The same, with the shear curve found on the strip of `meshes/strip.geo`, or of one with its numbers and groups.
 
     The unknowns are dS12/dE12 at four strains, and then the unloading modulus; the data the fitted force of the bias
-    test at `steps` displacements, and its unloading slope. The curve ends at the largest strain in the strip.
+    test at `steps` displacements, and its readings on the way back. The curve ends at the largest strain in the strip.
     Raises InputError where there is no bias test, warp or weft curve, or Poisson's ratio; StepFailed where the strip
     cannot be solved.
     """
@@ -39,6 +41,14 @@ def shear(
         what = ", ".join(missing) or "the bias test"
         raise InputError(f"{found.tests.file}: an inverse simulation of the bias test needs {what} too; add the tests.")
     return _Search(found, Path(mesh), cells, ends, steps).solve()
+
+
+def _smoothed(readings: Sequence[Readings]) -> np.polynomial.Polynomial:
+    """Axial stress over axial strain, a polynomial of higher degree than the fit where there are many readings."""
+    E, S = (np.concatenate(parts) for parts in zip(*((one.strain, one.stress) for one in readings), strict=True))
+    degree = int(np.clip(len(E) // 10, 2, 8))
+    c, *_ = np.linalg.lstsq((E / E.max())[:, None] ** np.arange(1, degree + 1), S)
+    return np.polynomial.Polynomial([0.0, *(c / E.max() ** np.arange(1, degree + 1))])
 
 
 class _Search:
@@ -53,7 +63,7 @@ class _Search:
         )
         self.d = np.linspace(0, found.displacement["bias"], steps + 1)[1:]
         self.E = curves.green_lagrange(self.d, strip.gauge_length)
-        self.target = self.bias.loading.stress(self.E)
+        self.target = _smoothed(self.bias.readings)(self.E)
         # nets of inextensible yarns shear in the middle only, over a length shorter by the width
         free = max(strip.gauge_length - strip.width, strip.width) if ends == "clamped" else strip.gauge_length
         self.limit = float(curves.green_lagrange(self.d[-1], free))
@@ -143,22 +153,25 @@ class _Search:
         return curves.piola_kirchhoff(np.array(forces), path, strip.gauge_length, strip.area)
 
     def _unloading(self, modulus: tuple[float, ...]) -> Estimate | None:
-        """The modulus (Pa, of E12) with which the strip's stress falls to a half as steeply as measured."""
-        measured = self.bias.unloading
+        """The modulus (Pa, of E12) with which the strip comes back like the specimens; None if it is out of reach."""
+        measured, top = self.bias.unloading, float(self.target[-1])
         assert measured is not None
-        top = self.E[-1]
-        ramp, end = top - curves.RAMP, top - curves.RAMP - 0.4 * self.target[-1] / measured.value
-        back = self.t.strip.gauge_length * (np.sqrt(1 + 2 * np.array([ramp, end])) - 1)
-        path = np.concatenate([self.d[len(self.d) // 2 :: len(self.d) // 2], [self.d[-1]], back])
+        low = self.E[-1] - (1 - DOWN) * top / measured.value
+        E, S = (np.concatenate(parts) for parts in zip(*self.bias.ways_back, strict=True))
+        used = (low < E) & (self.E[-1] > E)
+        there, back = self.d[:: max(1, len(self.d) // 2)], np.linspace(self.E[-1], low, 13)
+        back = self.t.strip.gauge_length * (np.sqrt(1 + 2 * back) - 1)
+        path = np.concatenate([there[there < self.d[-1]], back])
 
-        def excess(log: float) -> float:
-            stress = self._pull(self._fabric(modulus, float(np.exp(log))), path)
-            return float((stress[-2] - stress[-1]) / (ramp - end)) / measured.value - 1
+        def miss(log: float) -> float:
+            stress = self._pull(self._fabric(modulus, float(np.exp(log))), path)[-13:]
+            strain = curves.green_lagrange(back, self.t.strip.gauge_length)
+            return float(np.mean((np.interp(E[used], strain[::-1], stress[::-1]) - S[used]) ** 2)) / top**2
 
-        x = self.limit * np.linspace(0, 1, 101)
-        least = float(np.polynomial.polynomial.polyval(x, modulus).max())
-        low, high = np.log(least), np.log(100 * least)
-        if excess(low) > 0 or excess(high) < 0:
+        least = np.polynomial.polynomial.polyval(self.limit * np.linspace(0, 1, 101), modulus).max()
+        bounds = np.log(least), np.log(100 * least)
+        answer = minimize_scalar(miss, bounds=bounds, method="bounded", options={"xatol": 1e-3})
+        if min(answer.x - bounds[0], bounds[1] - answer.x) < 2e-3:
             return None
-        value = float(np.exp(brentq(excess, low, high, xtol=2e-3)))
+        value = float(np.exp(answer.x))
         return Estimate(value, value * measured.error / measured.value, measured.specimens)
