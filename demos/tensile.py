@@ -13,28 +13,13 @@ import ufl
 from mpi4py import MPI
 from dolfinx import fem
 
-from fabric_fenicsx import (
-    assumed_strain,
-    command,
-    directors,
-    fabrics,
-    frame,
-    hook,
-    kinematics,
-    meshing,
-    results,
-    statics,
-    supports,
-    weakform,
-)
+from fabric_fenicsx import command, fabrics, meshing, results, specimen, statics
 from fabric_fenicsx.errors import InputError, StepFailed
-from fabric_fenicsx.laws import section
 from fabric_fenicsx.laws.printed import Printed
 from fabric_fenicsx.laws.woven import Woven
 
 STRIP = Path(__file__).parent.parent / "meshes" / "strip.geo"
 LAWS = {"continuous": Woven, "printed": Printed}
-FOUNDATION = 1.0  # N/m3
 GENTLE = 1e-5 * 2.0 ** np.arange(10)
 """Axial strains beyond that of the slack strip where a strip that is to buckle stops on its way back."""
 
@@ -84,66 +69,12 @@ class Case:
 
 
 def strip(case, comm=MPI.COMM_WORLD):
-    """The strip in its grips: unknown, solver, hook, and a function that pulls the end.
-
-    In space its ends stay in their plane and are gripped; while it is flat it does what it does in the plane.
-    """
+    """The strip in its grips: unknown, solver, hook, a function that pulls the end, and the ends' unknowns."""
     size = dict(zip(("nx", "ny"), case.cells, strict=True), length=case.fabric.gauge_length, width=case.fabric.width)
-    plane = case.kinematics == "plane"
-    domain = meshing.read(case.mesh, comm, gdim=2 if plane else 3, **(size if case.mesh == STRIP else {}))
-    mesh, h = domain.mesh, case.fabric.thickness
-    law = LAWS[case.law](case.fabric, case.poisson)
-    angle = np.radians(case.angle)
-    warp = (np.cos(angle), np.sin(angle), 0.0)
-
-    if case.kinematics == "shell":
-        x = mesh.geometry.x
-        x[:, 2] = case.imperfection * np.sin(np.pi * x[:, 0] / x[:, 0].max(initial=1e-9))
-        space = directors.ShellSpace(mesh, "q1" if mesh.basix_cell().name == "quadrilateral" else None)
-        u, v = space.function(), ufl.TestFunction(space.V)
-        strain, shear = assumed_strain.shell_strains(space, u, warp)
-        fabric = hook.LawHook(section.Section(law, h), strain, mesh, directors.DEGREE)
-        G = case.fabric.shear.modulus[0]
-        stiffness = weakform.shear_stiffness(mesh, (G, G), fem.Constant(mesh, h))
-        residual = weakform.internal(fabric.stress, strain, u, v, 1.0, fabric.dx)
-        residual += weakform.internal(ufl.dot(stiffness, shear), shear, u, v, 1.0, space.dx_shear)
-    else:
-        space = fem.functionspace(mesh, ("Lagrange", case.degree, (mesh.geometry.dim,)))
-        u, v = fem.Function(space), ufl.TestFunction(space)
-        axes = frame.plane_axes(mesh, angle) if plane else frame.surface_axes(mesh, warp, 2 * case.degree)
-        strain = kinematics.membrane_strain(u, axes)
-        fabric = hook.LawHook(law, strain, mesh, degree=2 * case.degree)
-        residual = weakform.internal(fabric.stress, strain, u, v, fem.Constant(mesh, h), fabric.dx)
-        if not plane:
-            # across itself a membrane without stress has no stiffness: it lies on a soft foundation
-            residual += fem.Constant(mesh, FOUNDATION) * u[2] * v[2] * fabric.dx
-
-    end = fem.Constant(mesh, 0.0)
-    held = [("fixed_end", 0, 0.0), ("pulled_end", 0, end)]
-    held += [(group, 1, 0.0) for group in (["fixed_end", "pulled_end"] if case.ends == "clamped" else ["pin"])]
-    held += [] if plane else [("fixed_end", 2, 0.0), ("pulled_end", 2, 0.0)]
-    bcs = [bc for group, axis, value in held for bc in supports.lead(domain, space, group, axis, value)]
-    if case.kinematics == "shell":
-        bcs += supports.hold(domain, space, "fixed_end") + supports.hold(domain, space, "pulled_end")
-
-    # under displacement control a line search takes far fewer iterations past the kinks of the law; but it does not
-    # get a slack strip to bend, whose forces are a millionth of those that pulled it
-    buckles = bool(case.imperfection)
-    solver = statics.StaticSolver(
-        residual,
-        u,
-        bcs,
-        [fabric],
-        rtol=1e-10 if buckles else 1e-6,
-        options={"snes_linesearch_type": "basic" if buckles else "bt"},
-        space=space if case.kinematics == "shell" else None,
-    )
-
-    def pull(displacement):
-        end.value = displacement
-
-    fixed, pulled = (supports.unknowns(domain, space, group, 0) for group in ("fixed_end", "pulled_end"))
-    return u, solver, fabric, pull, (fixed, pulled)
+    gdim = 2 if case.kinematics == "plane" else 3
+    domain = meshing.read(case.mesh, comm, gdim=gdim, **(size if case.mesh == STRIP else {}))
+    law, angle = LAWS[case.law](case.fabric, case.poisson), np.radians(case.angle)
+    return specimen.strip(domain, case.fabric, law, angle, case.ends, case.degree, case.kinematics, case.imperfection)
 
 
 def displacement(case, u):

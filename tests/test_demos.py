@@ -152,6 +152,47 @@ def test_law_steps(demo, tmp_path):
     assert np.allclose(errors[:2], [9.72, 4.86], atol=0.01), "muslin along the warp, 10 and 20 steps"
 
 
+def test_identify_and_pull_the_identified_fabric(demo, tmp_path):
+    """Records, report, fabric file, and the tensile tests with it, as a plain user runs them.
+
+    Between clamps its force is that of the first fabric to 3 % along warp and weft; in bias to 5 %.
+    """
+    status, said, _ = demo("identify.py", "--fabric", "duck", "--out", tmp_path)
+    assert status == 0 and "within 5 %: yes;" in said and "not tested: compression" in said
+    look(tmp_path / "duck" / "report.png")
+    assert (tmp_path / "duck" / "report.pdf").read_bytes().startswith(b"%PDF")
+    forces = []
+    for fabric, folder in ("duck", "duck"), (tmp_path / "duck" / "fabric.toml", "fabric"):
+        status, said, _ = demo(
+            "tensile.py", "--fabric", fabric, "--angle", "all", "--steps", "5", "--out", tmp_path / "pull"
+        )
+        assert status == 0 and ": yes;" in said
+        forces.append(
+            [read(tmp_path / "pull" / f"{folder}_{angle}" / "history.csv")["force_N"][4] for angle in (0, 90, 45)]
+        )
+    assert (np.abs(np.divide(*forces) - 1) < [0.03, 0.03, 0.05]).all()
+
+
+def test_identify_ones_own_records(demo, tmp_path):
+    """Records in other units; and a published bias test, of which no whole fabric comes."""
+    demo("identify.py", "--fabric", "muslin", "--out", tmp_path)
+    folder = tmp_path / "muslin" / "synthetic_records"
+    for path in folder.glob("warp_?.csv"):
+        word, _, *rows = path.read_text().splitlines()
+        rows = [[float(cell) for cell in row.split(",")] for row in rows]
+        lines = [f"{t:.9g};{d / 25.4:.9g};{-f / 4.4482216152605:.9g}".replace(".", ",") for t, d, f in reversed(rows)]
+        path.write_text("\n".join([word, "Time;Extension;Load", "(s);(in);(lbf)", *lines]))
+    status, said, _ = demo("identify.py", folder / "tests.toml", "--out", tmp_path / "own")
+    assert status == 0 and "sorted" in said and "sign is turned" in said and "--fabric" in said
+    again, before = (fabrics.load(tmp_path / name / "fabric.toml") for name in ("own", "muslin"))
+    assert np.allclose(again.warp.modulus, before.warp.modulus, rtol=1e-4)
+    bias = ROOT / "tests" / "data" / "cao2008_bias_glass_plain_150x450mm.toml"
+    status, said, _ = demo("identify.py", bias, "--shear", "net", "--out", tmp_path / "glass")
+    assert status == 0 and "no fabric.toml" in said and "friction" in said
+    assert not (tmp_path / "glass" / "fabric.toml").exists()
+    look(tmp_path / "glass" / "report.png")
+
+
 # --- the tests of the thesis, with the measured Poisson's ratios
 
 
@@ -247,6 +288,10 @@ def test_two_ranks_give_the_same(demo, tmp_path):
         ("biaxial.py", "--fabric blend tweed", "'tweed'"),
         ("biaxial.py", "--displacement -1", "must be a positive extension"),
         ("biaxial.py", "--mesh {meshes}/strip.geo", "no physical group 'left'"),
+        ("identify.py", "{file}", "is not TOML"),
+        ("identify.py", "nowhere.toml", "cannot be read"),
+        ("identify.py", "--fabric tweed", "'tweed'"),
+        ("identify.py", "--noise 200", "give percent from 0 to 20"),
         ("law_steps.py", "--fabric tweed", "'tweed'"),
         ("law_steps.py", "--out {file}", "cannot be written"),
     ],

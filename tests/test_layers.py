@@ -32,6 +32,7 @@ ROOMS = [
     {"energy"},
     {"checkpoint"},
     {"sheet"},
+    {"specimen"},
     {"results"},
     {"identify"},
     {"command"},
@@ -74,12 +75,20 @@ def test_a_room_imports_only_rooms_above_it(path):
 @every_file
 def test_only_those_who_need_them_know_of_fenics_petsc_and_gmsh(path):
     here, outside = room_of(path), set(imports(path))
-    if here in ("fabrics", "laws", "errors", "identify"):
+    if here in ("fabrics", "laws", "errors", "identify") and path.name != "inverse.py":
         assert not {name.split(".")[0] for name in outside} & FENICS
     if here not in PETSC:
         assert not any(name.startswith(("petsc4py", "dolfinx.fem.petsc")) for name in outside)
     if here not in ("meshing", "importing"):
         assert not any(name.split(".")[0] in ("gmsh", "meshio") for name in outside)
+
+
+@every_file
+def test_only_the_inverse_simulation_of_identify_needs_a_scene(path):
+    if room_of(path) == "identify" and path.name != "inverse.py":
+        rooms = {name.split(".")[1] for name in imports(path) if name.startswith("fabric_fenicsx.")}
+        assert rooms <= {"errors", "fabrics", "laws", "identify"}
+        assert not any(name.startswith("fabric_fenicsx.identify.inverse") for name in imports(path))
 
 
 @every_file
@@ -109,4 +118,5 @@ def test_the_package_is_light_to_import():
 
 def test_drawing_is_loaded_by_those_who_draw():
     modules = "fabric_fenicsx.results, fabric_fenicsx.laws.driver, fabric_fenicsx.fabrics, fabric_fenicsx.statics"
+    modules += ", fabric_fenicsx.identify.report"
     assert not loaded(modules) & {"gmsh", "pyvista", "vtkmodules", "matplotlib"}

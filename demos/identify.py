@@ -1,0 +1,104 @@
+"""From test records to a fabric: a one-page report, and a TOML file for --fabric of every other script.
+
+With the list of your own tests (see `fabric_fenicsx.identify.listing`), it identifies that fabric. Without, it makes
+synthetic records of a known one, 2 % noise and three specimens of each test, identifies it again, and checks that the
+curves come back. Where nobody photographed the yarns of the bias test, --shear inverse finds the shear curve by which a
+simulated strip pulls like the measured one, and --shear net takes the strip for a net of inextensible yarns.
+"""
+
+import argparse
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from fabric_fenicsx import command, fabrics, identify, results
+from fabric_fenicsx.errors import InputError
+from fabric_fenicsx.identify import inverse, net, report, synthetic
+
+STRIP = Path(__file__).parent.parent / "meshes" / "strip.geo"
+ACCEPTED = {"warp_curve": 3.0, "weft_curve": 3.0, "shear_curve": 5.0, "nu12": 5.0, "nu21": 5.0}
+ACCEPTED |= {f"{way}_unloading": 5.0 for way in ("warp", "weft", "shear")}
+
+
+def recovery(known, again):
+    """By how many percent an identified fabric misses the known one; curves: largest miss over the peak stress."""
+    miss = {}
+    for way in "warp", "weft", "shear":
+        there, here = getattr(known, way), getattr(again, way)
+        strain = np.linspace(0, min(there.limit, here.limit), 201)
+        stress = there.stress(strain)
+        miss[f"{way}_curve"] = 100 * np.abs(here.stress(strain) - stress).max() / stress.max()
+        miss[f"{way}_unloading"] = 100 * (here.unloading / there.unloading - 1)
+    pairs = zip(("nu12", "nu21"), known.poisson["measured"], again.poisson["measured"], strict=True)
+    return miss | {key: 100 * (here / there - 1) for key, there, here in pairs}
+
+
+def unmarked(found):
+    """The same tests, as if nobody had photographed the yarns of the bias test."""
+    return replace(found, curves={way: found.curves[way] for way in found.curves if way != "shear"}, yarn_stretch=None)
+
+
+def one(path, out, shear, ends):
+    """Identify the fabric of a list of tests; write what can be written. The result, and the fabric or None."""
+    found = identify.identify(identify.read(path))
+    if shear == "inverse":
+        command.say("  looking for the shear curve on a simulated strip ...")
+        found = inverse.shear(unmarked(found), STRIP, ends=ends)
+    elif shear == "net":
+        found = net.shear(unmarked(found))
+    for ending in "pdf", "png":
+        report.write(found, out / f"report.{ending}")
+    for word in (*found.notes, *(f"not determined: {word}" for word in found.undetermined)):
+        command.say(f"  {word}")
+    try:
+        return found, found.write(out)[1]
+    except InputError as error:
+        command.say(f"  no fabric.toml: {error}")
+        return found, None
+
+
+def arguments():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.ArgumentDefaultsHelpFormatter)
+    parser.add_argument(
+        "tests", type=Path, nargs="?", help="list of your tests, a TOML file; without it, synthetic ones"
+    )
+    parser.add_argument("--fabric", default="blend", help="for synthetic records: a fabric, a TOML file, or all")
+    parser.add_argument("--noise", type=command.number, default=2.0, help="%% of the largest value of each test")
+    parser.add_argument("--specimens", type=command.positive, default=3, help="of each synthetic test")
+    parser.add_argument("--seed", type=command.positive, default=2010)
+    parser.add_argument("--shear", choices=["photographs", "inverse", "net"], default="photographs")
+    parser.add_argument("--ends", choices=["clamped", "free"], help="of the simulated strip, may they contract? "
+                        "(if left out: clamped for your tests, free for synthetic ones)")  # fmt: skip
+    parser.add_argument("--out", type=Path, default=Path("out/identify"))
+    return command.parse(parser)
+
+
+def main():
+    args = arguments()
+    out = results.folder(args.out)
+    if args.tests:
+        _, fabric = one(args.tests, out, args.shear, args.ends or "clamped")
+        command.say(f"see {out / 'report.pdf'}" + (f"; use it with --fabric {out / 'fabric.toml'}" if fabric else ""))
+        return 0
+    if not 0 <= args.noise <= 20:
+        raise InputError(f"--noise {args.noise:g} is no part of the largest value; give percent from 0 to 20.")
+    right = True
+    command.say(
+        f"{'fabric':12s}" + "".join(f"{key.replace('_unloading', '_unl.'):>12s}" for key in ACCEPTED) + "   (%)"
+    )
+    for name in fabrics.names() if args.fabric == "all" else [args.fabric]:
+        known = fabrics.load(name)
+        folder = results.folder(out / Path(name).stem)
+        tests = synthetic.write(known, folder / "synthetic_records", args.specimens, args.noise / 100, args.seed)
+        _, again = one(tests, folder, args.shear, args.ends or "free")
+        miss = recovery(known, again)
+        right = right and all(abs(miss[key]) <= accepted for key, accepted in ACCEPTED.items())
+        command.say(f"{known.name:12s}" + "".join(f"{miss[key]:12.2f}" for key in ACCEPTED))
+    verdict = "yes" if right else "NO"
+    command.say(f"check: curves within 3 (shear 5) %, ratios and unloading slopes within 5 %: {verdict}; see {out}")
+    return 0 if right else 1
+
+
+if __name__ == "__main__":
+    command.run(main)

@@ -1,0 +1,256 @@
+"""From the records of a fabric's tests to its curves, and from these to the TOML file that `fabrics.load` takes."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import numpy as np
+
+from .. import fabrics
+from ..errors import InputError
+from ..laws import Array
+from . import branches, curves, listing, markers, records
+from .curves import Estimate, Loading, Readings
+
+WAYS = ("warp", "weft", "shear")
+NOT_TESTED = "compression, bending, tension in both directions at once, the rate, and strains beyond the ranges"
+
+
+@dataclass(frozen=True)
+class Curve:
+    """One curve with its data; of the shear, strain is E12 and stress S12."""
+
+    loading: Loading
+    unloading: Estimate | None  # Pa; None where no record comes back
+    readings: list[Readings]
+    ways_back: list[tuple[Array, Array]]  # strain and stress (Pa) from each peak on
+    how: str = "measured"
+    simulated: tuple[Array, Array] | None = (
+        None  # axial strain and stress (Pa) of the strip that was fitted to the test
+    )
+
+
+@dataclass(frozen=True)
+class Identified:
+    """What the tests of a fabric tell."""
+
+    tests: listing.Tests
+    curves: dict[str, Curve]  # "warp", "weft", "shear", as far as known
+    poisson: dict[str, Estimate]  # "nu12", "nu21", as far as measured
+    contractions: dict[str, list[markers.Contraction]]
+    bias: Curve | None  # axial stress over axial strain of the bias test
+    bias_records: list[records.Record]
+    displacement: dict[str, float]  # m
+    yarn_stretch: float | None  # largest, of the marked yarns
+    notes: list[str] = field(default_factory=list)
+
+    @property
+    def kilby(self) -> float | None:
+        """Shear modulus (Pa) by (3.4), with nu12/E1 + nu21/E2, from initial moduli; None if one is not known."""
+        if (
+            self.bias is None
+            or not {"warp", "weft"} <= self.curves.keys()
+            or not {"nu12", "nu21"} <= self.poisson.keys()
+        ):
+            return None
+        E1, E2, E45 = (
+            fit.modulus[0] for fit in (self.curves["warp"].loading, self.curves["weft"].loading, self.bias.loading)
+        )
+        nu12, nu21 = (self.poisson[key].value for key in ("nu12", "nu21"))
+        compliance = 4 / E45 - 1 / E1 - 1 / E2 + nu12 / E1 + nu21 / E2
+        return 1 / compliance if compliance > 0 else None
+
+    @property
+    def undetermined(self) -> list[str]:
+        """What the data do not tell, in words."""
+        out = []
+        for way in WAYS:
+            if way not in self.curves:
+                out.append(
+                    f"{way} curve: " + ("no photographs of the yarns" if way == "shear" and self.bias else "no test")
+                )
+                continue
+            curve = self.curves[way]
+            if curve.unloading is None:
+                given = f"{way}_unloading_MPa" in self.tests.assumed
+                instead = "assumed" if given else "the least possible, its largest loading modulus, is taken"
+                out.append(f"{way} unloading: no record comes back; {instead}")
+            c0, error = curve.loading.modulus[0], curve.loading.errors[0]
+            if error > 0.5 * c0 or curve.loading.held:
+                out.append(
+                    f"{way} initial modulus: {c0 / 1e6:.3g} ± {error / 1e6:.2g} MPa"
+                    + (", held positive" * curve.loading.held)
+                )
+        for key in ("nu12", "nu21"):
+            if key not in self.poisson:
+                out.append(f"{key}: no dots" + (", assumed" if key in self.tests.assumed else ""))
+        return [*out, f"not tested: {NOT_TESTED}"]
+
+    def unloading(self, way: str) -> float:
+        """Unloading modulus (Pa) for the fabric: measured, else assumed, but nowhere less than the loading modulus."""
+        curve = self.curves[way]
+        least = float(curve.loading.tangent(np.linspace(0, curve.loading.limit, 1001)).max())
+        known = curve.unloading.value if curve.unloading else 1e6 * self.tests.assumed.get(f"{way}_unloading_MPa", 0.0)
+        return max(known, least)
+
+    def ratio(self, key: str) -> float:
+        """Poisson's ratio for the fabric: measured, else assumed; a negative one within two errors of zero is zero."""
+        if key not in self.poisson:
+            return self.tests.assumed[key]
+        value, error = self.poisson[key].value, self.poisson[key].error
+        return 0.0 if -2 * error < value < 0 else value
+
+    def toml(self) -> str:
+        """The fabric file; raises InputError if a curve or a ratio is neither measured nor assumed."""
+        missing = [f"the {way} curve" for way in WAYS if way not in self.curves]
+        missing += [key for key in ("nu12", "nu21") if key not in self.poisson and key not in self.tests.assumed]
+        if missing:
+            raise InputError(
+                f"{self.tests.file}: the records do not tell {', '.join(missing)}, so there is no whole fabric; "
+                "add the tests, or for a Poisson's ratio a value under [assumed]."
+            )
+        t = self.tests
+        lines = [f"# Identified by fabric_fenicsx from {t.source}.", "# ± is the standard error.", ""]
+        lines += [f'{key} = "{value}"' for key, value in t.texts.items()]
+        lines += [f"thickness_mm = {1e3 * t.strip.thickness:g}", f"density_kg_per_m3 = {t.density:g}"]
+        for way in WAYS:
+            fit = self.curves[way].loading
+            lines += ["", f"[{way}]"] + (['strain = "tensor"'] if way == "shear" else [])
+            errors = ", ".join(f"{e / 1e6:.2g}" for e in fit.errors)
+            lines += [f"loading_MPa = [{', '.join(f'{c / 1e6:.7g}' for c in fit.modulus)}]  # ± [{errors}]"]
+            measured = self.curves[way].unloading
+            word = f"± {measured.error / 1e6:.2g}" if measured else "not measured"
+            # rounded up, for it must not come to lie below the largest loading modulus
+            lines += [
+                f"unloading_MPa = {self.unloading(way) / 1e6 * (1 + 1e-6):.9g}  # {word}",
+                f"limit_strain = {fit.limit:.7g}",
+            ]
+        ratios = ", ".join(f"{key} = {self.ratio(key):.6g}" for key in ("nu12", "nu21"))
+        said = ", ".join(
+            f"{key} {self.poisson[key]}" if key in self.poisson else f"{key} assumed" for key in ("nu12", "nu21")
+        )
+        lines += ["", "[poisson]", f"measured = {{ {ratios} }}  # {said}", "", "[test]"]
+        lines += [f"gauge_length_mm = {1e3 * t.strip.gauge_length:g}", f"width_mm = {1e3 * t.strip.width:g}"]
+        lines += [f"{way}_displacement_mm = {1e3 * self.displacement[way]:.7g}" for way in ("warp", "weft", "bias")]
+        how = {way: f"{len(self.curves[way].readings)} specimens, {self.curves[way].how}" for way in WAYS}
+        return "\n".join([*lines, "", "[sources]", *(f'{way} = "{word}"' for way, word in how.items()), ""])
+
+    def write(self, folder: str | Path) -> tuple[Path, fabrics.Fabric]:
+        """Write `fabric.toml` and read it again as a user would: its path, and the fabric."""
+        path = Path(folder) / "fabric.toml"
+        path.write_text(self.toml(), encoding="utf-8")
+        return path, fabrics.load(path)
+
+
+def identify(tests: listing.Tests) -> Identified:
+    """All that the records of a fabric tell; raises InputError for a record that cannot be used."""
+    found: dict[str, Curve] = {}
+    notes: list[str] = []
+    displacement: dict[str, float] = {}
+    bias, bias_records, stretch = None, [], None
+    for way in ("warp", "weft", "bias"):
+        if way not in tests.records:
+            continue
+        read = [records.read(path, tests.strip) for path in tests.records[way]]
+        parts = [branches.split(record) for record in read]
+        read = [branches.balance(record, part.virgin) for record, part in zip(read, parts, strict=True)]
+        axial = _curve(tests.strip, read, parts)
+        notes += [note for r, p in zip(read, parts, strict=True) for note in (*r.notes, *p.notes)]
+        displacement[way] = tests.strip.gauge_length * (np.sqrt(1 + 2 * axial.loading.limit) - 1)
+        if way != "bias":
+            found[way] = axial
+            continue
+        bias, bias_records = axial, read
+        marked = [k for k, record in enumerate(read) if record.yarns]
+        if marked:
+            found["shear"], said = _shear(tests.strip, [read[k] for k in marked], [parts[k] for k in marked])
+            notes += said
+            stretch = max(float(np.nanmax(read[k].yarns[f"{w}_stretch"])) for k in marked for w in ("warp", "weft"))
+    contractions = {
+        key: [markers.contraction(path) for path in tests.records[f"{way}_dots"]]
+        for key, way in (("nu12", "warp"), ("nu21", "weft"))
+        if f"{way}_dots" in tests.records
+    }
+    notes += [note for several in contractions.values() for one in several for note in one.notes]
+    poisson = {
+        key: _mean([c.ratio for c in several], [c.patches for c in several]) for key, several in contractions.items()
+    }
+    answer = Identified(tests, found, poisson, contractions, bias, bias_records, displacement, stretch, notes)
+    return replace(answer, notes=notes + _remarks(answer))
+
+
+def _remarks(answer: Identified) -> list[str]:
+    """What was changed so that the fabric makes sense."""
+    out = []
+    for way, curve in answer.curves.items():
+        if curve.unloading and answer.unloading(way) > curve.unloading.value:
+            out.append(f"{way}: the unloading slope is below the largest loading modulus, which is used in its place.")
+    for key, estimate in answer.poisson.items():
+        if estimate.value < 0 == answer.ratio(key):
+            out.append(f"{key} = {estimate} is zero within two errors, and is used as zero.")
+    return out
+
+
+def _curve(strip: records.Strip, read: Sequence[records.Record], parts: Sequence[branches.Branches]) -> Curve:
+    """The axial curve of tests along one direction."""
+    readings, back, slopes = [], [], []
+    for record, part in zip(read, parts, strict=True):
+        E = curves.green_lagrange(record.displacement, strip.gauge_length)
+        S = curves.piola_kirchhoff(record.force, record.displacement, strip.gauge_length, strip.area)
+        readings.append(Readings(record.file, E[part.virgin], S[part.virgin]))
+        back += [(E[run], S[run]) for run in part.unloading]
+        slopes.append([curves.unloading(E[run], E[run], S[run]) for run in part.unloading])
+    return Curve(curves.loading(readings), _slope(slopes), readings, back)
+
+
+def _shear(
+    strip: records.Strip, read: Sequence[records.Record], parts: Sequence[branches.Branches]
+) -> tuple[Curve, list[str]]:
+    """S12 of (3.15) over E12 of (3.16), the latter smoothed over the axial strain; and what was noticed."""
+    readings, back, slopes, notes = [], [], [], []
+    for record, part in zip(read, parts, strict=True):
+        E = curves.green_lagrange(record.displacement, strip.gauge_length)
+        S12 = curves.piola_kirchhoff(record.force, record.displacement, strip.gauge_length, strip.area) / 2
+        E12, way = markers.shear_strain(record), part.virgin
+        seen = way[np.isfinite(E12[way])]
+        smooth, rest = _smooth(E[seen], E12[seen])
+        if rest:
+            notes.append(
+                f"{record.file}: at rest the yarns are {np.degrees(2 * abs(rest)):.2g} degrees off the square, "
+                "which is subtracted, (3.9)."
+            )
+        covered = way[E[way] <= E[seen].max()]
+        readings.append(Readings(record.file, smooth(E[covered]), S12[covered]))
+        runs = [run[np.isfinite(E12[run])] for run in part.unloading]
+        back += [(E12[run] - rest, S12[run]) for run in runs]
+        slopes.append([curves.unloading(E[run], E12[run], S12[run]) for run in runs if len(run) > 3])
+    return Curve(curves.loading(readings), _slope(slopes), readings, back), notes
+
+
+def _smooth(x: Array, y: Array) -> tuple[np.polynomial.Polynomial, float]:
+    """A quartic through the origin, and the value at rest that was taken off: zero unless it is beyond three errors."""
+    scale = x.max()
+    A = np.vander(x / scale, min(5, max(2, len(x) // 4)), increasing=True)
+    c, *_ = np.linalg.lstsq(A, y)
+    error = np.sqrt(np.linalg.inv(A.T @ A)[0, 0] * ((A @ c - y) ** 2).sum() / max(len(y) - len(c), 1))
+    rest = float(c[0]) if abs(c[0]) > 3 * error else 0.0
+    c[1:], *_ = np.linalg.lstsq(A[:, 1:], y - rest)
+    c[0] = 0.0
+    return np.polynomial.Polynomial(c / scale ** np.arange(len(c))), rest
+
+
+def _slope(specimens: Sequence[Sequence[tuple[float, float, int] | None]]) -> Estimate | None:
+    """Mean unloading slope over the specimens, of each the mean over its unloadings."""
+    means = [
+        np.mean([s[:2] for s in slopes if s and s[0] > 0], axis=0)
+        for slopes in specimens
+        if any(s and s[0] > 0 for s in slopes)
+    ]
+    return _mean([m[0] for m in means], [m[1] for m in means]) if means else None
+
+
+def _mean(values: Sequence[float], errors: Sequence[float]) -> Estimate:
+    """Mean and its standard error, from the scatter, or of a single one its own."""
+    n = len(values)
+    error = float(np.std(values, ddof=1) / np.sqrt(n)) if n > 1 else float(errors[0])
+    return Estimate(float(np.mean(values)), error, n)

@@ -1,0 +1,109 @@
+"""Reads the list of the tests of one fabric, a TOML file: strip, records, and what is assumed for want of a test.
+
+name = "my shirt"
+label = "S1"
+material = "Cotton"
+weave = "Plain"
+thickness_mm = 0.38
+density_kg_per_m3 = 590
+gauge_length_mm = 76.2
+width_mm = 25.4
+source = "tested on ..."        # optional, as is all that follows but one record
+
+[records]                       # files beside this one, one a specimen
+warp = ["warp_1.csv", "warp_2.csv"]
+weft = ["weft_1.csv"]
+bias = ["bias_1.csv"]
+warp_dots = ["warp_1_dots.csv"]
+weft_dots = ["weft_1_dots.csv"]
+
+[assumed]                       # used only where no record tells
+nu12 = 0.3
+nu21 = 0.3
+warp_unloading_MPa = 900        # and weft_..., shear_... (dS12/dE12)
+"""
+
+import tomllib
+from dataclasses import dataclass
+from difflib import get_close_matches
+from pathlib import Path
+from typing import Any
+
+from ..errors import InputError
+from .records import Strip
+
+TEXTS = ("name", "label", "material", "weave")
+NUMBERS = ("thickness_mm", "density_kg_per_m3", "gauge_length_mm", "width_mm")
+RECORDS = ("warp", "weft", "bias", "warp_dots", "weft_dots")
+ASSUMED = ("nu12", "nu21", "warp_unloading_MPa", "weft_unloading_MPa", "shear_unloading_MPa")
+
+
+@dataclass(frozen=True)
+class Tests:
+    """The tests of one fabric; paths of the records by kind, assumed numbers in the units of their names."""
+
+    file: str
+    texts: dict[str, str]
+    density: float  # kg/m3
+    strip: Strip
+    source: str
+    records: dict[str, list[Path]]
+    assumed: dict[str, float]
+
+
+def read(path: str | Path) -> Tests:
+    """Read such a list; raises InputError for what cannot be read, is missing, unknown or no positive number."""
+    try:
+        entries = tomllib.loads(Path(path).read_text(encoding="utf-8-sig"))
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read ({error.strerror}); give the path of a list of tests.") from error
+    except ValueError as error:
+        raise InputError(f"{path}: is not TOML ({error}); correct it there.") from error
+    _expect(path, "", entries, (*TEXTS, *NUMBERS, "records"), ("source", "assumed"))
+    for key in (*TEXTS, "source"):
+        if not isinstance(entries.get(key, "-"), str) or not entries.get(key, "-").strip():
+            raise InputError(f"{path}: {key} is not a text; write at least one word in double quotes.")
+    numbers = {key: _number(path, key, entries[key]) for key in NUMBERS}
+    records = {}
+    _expect(path, "records.", _table(path, "records", entries), (), RECORDS)
+    for key, names in entries["records"].items():
+        if not isinstance(names, list) or not names or not all(isinstance(name, str) for name in names):
+            raise InputError(f'{path}: records.{key} is not a list of files; write ["{key}_1.csv"] or more.')
+        records[key] = [Path(path).parent / name for name in names]
+    if not any(key in records for key in ("warp", "weft", "bias")):
+        raise InputError(f"{path}: records names no tensile test; add warp, weft or bias.")
+    assumed = _table(path, "assumed", entries) if "assumed" in entries else {}
+    _expect(path, "assumed.", assumed, (), ASSUMED)
+    return Tests(
+        str(path),
+        {key: entries[key] for key in TEXTS},
+        numbers["density_kg_per_m3"],
+        Strip(*(numbers[key] / 1e3 for key in ("gauge_length_mm", "width_mm", "thickness_mm"))),
+        entries.get("source", "not said"),
+        records,
+        {key: _number(path, f"assumed.{key}", value) for key, value in assumed.items()},
+    )
+
+
+def _expect(
+    path: str | Path, where: str, entries: dict[str, Any], needed: tuple[str, ...], more: tuple[str, ...]
+) -> None:
+    for key in entries:
+        if key not in needed + more:
+            near = get_close_matches(key, needed + more, n=1) or [", ".join(needed + more)]
+            raise InputError(f"{path}: {where}{key} is not a known key; known is {near[0]}.")
+    for key in needed:
+        if key not in entries:
+            raise InputError(f"{path}: {where}{key} is missing; add it.")
+
+
+def _table(path: str | Path, key: str, entries: dict[str, Any]) -> dict[str, Any]:
+    if not isinstance(entries[key], dict):
+        raise InputError(f"{path}: {key} is not a table; write its entries under [{key}].")
+    return entries[key]
+
+
+def _number(path: str | Path, key: str, value: object) -> float:
+    if isinstance(value, bool) or not isinstance(value, int | float) or not 0 < value < 1e15:
+        raise InputError(f"{path}: {key} = {value!r} is not a positive number; give it in the unit that the key names.")
+    return float(value)

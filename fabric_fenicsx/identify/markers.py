@@ -1,0 +1,140 @@
+"""What photographs tell: Poisson's ratios from dots on the strip (3.3.3), shear strain from marked yarns (3.3.4)."""
+
+import re
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from scipy.spatial import Delaunay
+
+from ..errors import InputError
+from ..laws import Array
+from .records import Record, Table, read_table
+
+STILL = 1e-3  # photographs whose displacement is below this part of the largest one show the strip at rest
+
+
+@dataclass(frozen=True)
+class Contraction:
+    """Strains of the dots of one specimen at m photographs, while it was loaded, and the slope between them."""
+
+    file: str
+    along: Array  # (m,), Green-Lagrange strain along the load
+    across: Array  # (m,)
+    ratio: float  # -across/along, through the origin, (3.3)
+    patches: float  # standard deviation of the ratio from patch to patch of the strip
+    notes: tuple[str, ...]
+
+
+def contraction(path: str | Path) -> Contraction:
+    """Poisson's ratio of one warp or weft specimen from the coordinates of at least three dots.
+
+    A line is a photograph; a dot is a pair of columns such as "a_x_mm,a_y_mm" or "x1 (px),y1 (px)". With a column of
+    the displacement, all photographs at rest make the reference, else the first one does; those after the largest
+    stretch are not used. The strain is that of the deformation gradient that fits all dots best, so the camera may
+    be turned and a dot be missing; the scatter is from the triangles between neighbouring dots. The load is along
+    the direction, x or y, in which the dots spread.
+    """
+    table = read_table(path, ("x", "y"))
+    x = _dots(table)
+    rest = np.zeros(len(x), dtype=bool)
+    rest[0] = True
+    moved = [i for i, (name, _) in enumerate(table.columns) if "displacement" in name or "extension" in name]
+    if moved:
+        d = table.si(moved[0], ("length",))[1]
+        rest |= np.abs(d) < STILL * np.nanmax(np.abs(d))
+    with np.errstate(invalid="ignore"):
+        seen = np.isfinite(x[rest]).any(axis=0).all(axis=-1)
+        X = np.nanmean(np.where(np.isfinite(x[rest]), x[rest], np.nan)[:, seen], axis=0)
+    x = x[:, seen]
+    if len(X) < 3 or np.linalg.matrix_rank(X - X.mean(axis=0), tol=1e-3 * np.ptp(X)) < 2:
+        raise InputError(f"{table.file}: fewer than three dots, not in line, are seen at rest; mark a grid of dots.")
+    E = _strains(x, X)
+    last = int(np.nanargmax(np.abs(E[:, [0, 1]]).max(axis=1) * (E[:, [0, 1]].max(axis=1) > 0)))
+    axis = int(np.argmax(E[last, :2]))
+    if abs(E[last, 2]) > 0.5 * abs(E[last, axis]):
+        raise InputError(
+            f"{table.file}: the dots spread along neither x nor y; turn the coordinates so that one is along the load."
+        )
+    notes = (
+        []
+        if moved or rest.sum() > 1
+        else [f"{table.file}: has no column of the displacement; its first line is taken for rest."]
+    )
+    upto = int(np.nanargmax(E[:, axis]))
+    used = np.flatnonzero(np.isfinite(E[: upto + 1, axis]) & ~rest[: upto + 1])
+    if len(used) < 3:
+        raise InputError(f"{table.file}: has {len(used)} photographs of the loading, and a ratio needs 3; take more.")
+    along, across = E[used, axis], E[used, 1 - axis]
+    ratios, triangles = [], Delaunay(X).simplices
+    area = np.abs(np.linalg.det(X[triangles[:, 1:]] - X[triangles[:, :1]]))
+    for corners in triangles[area > 0.1 * np.median(area)]:  # the rim of a grid has slivers
+        patch = _strains(x[used][:, corners], X[corners])
+        good = np.isfinite(patch).all(axis=1)
+        if good.sum() >= 3:
+            ratios.append(_through_origin(patch[good, axis], patch[good, 1 - axis]))
+    spread = float(np.std(ratios, ddof=1)) if len(ratios) > 1 else float("nan")
+    return Contraction(table.file, along, across, _through_origin(along, across), spread, tuple(notes))
+
+
+def shear_strain(record: Record) -> Array:
+    """E12 (n,) of the marked yarns, (3.16): half the product of their stretches and the cosine of their angle.
+
+    NaN where there was no photograph; positive in the sense of the load. An angle that opens is the other one of
+    the two between the yarns, and its cosine is taken with the other sign.
+    """
+    y = record.yarns
+    for name in ("warp_stretch", "weft_stretch"):
+        bad = np.flatnonzero((y[name] < 0.5) | (y[name] > 2))
+        if len(bad):
+            raise InputError(
+                f"{record.file}: column {name} holds {y[name][bad[0]]:.4g}; give current length over first length."
+            )
+    E12 = 0.5 * y["warp_stretch"] * y["weft_stretch"] * np.cos(y["angle"])
+    seen = np.flatnonzero(np.isfinite(E12))
+    if len(seen) < 6:
+        raise InputError(f"{record.file}: has {len(seen)} photographs of the yarns, and a curve needs 6; take more.")
+    furthest = seen[np.argmax(record.displacement[seen])]
+    return E12 if E12[furthest] > 0 else -E12
+
+
+def _through_origin(along: Array, across: Array) -> float:
+    return float(-(along @ across) / (along @ along))
+
+
+def _dots(table: Table) -> Array:
+    """Coordinates (photographs, dots, 2); any unit, the same for all."""
+    found: dict[str, dict[str, int]] = {}
+    for i, (name, _) in enumerate(table.columns):
+        match = re.fullmatch(r"(.*?) ?([xy])", name) or re.fullmatch(r"()([xy]) ?(.+)", name)
+        if match and table.columns[i][1] is not None:
+            found.setdefault((match.groups() + ("",))[0] or (match.groups() + ("",))[2], {})[match[2]] = i
+    for dot, pair in found.items():
+        if len(pair) < 2:
+            raise InputError(
+                f"{table.file}: dot {dot!r} has one coordinate only; give columns {dot}_x_mm and {dot}_y_mm."
+            )
+    if len(found) < 3:
+        raise InputError(
+            f"{table.file}: has {len(found)} dots, and a strain needs 3; give columns such as a_x_mm, a_y_mm."
+        )
+    pairs = [[table.si(pair[c], ("length", "pixels"))[1] for c in "xy"] for pair in found.values()]
+    return np.array(pairs).transpose(2, 0, 1)
+
+
+def _strains(x: Array, X: Array) -> Array:
+    """(E_xx, E_yy, 2 E_xy) of the best-fitting deformation gradient, (m, 3); NaN without three dots.
+
+    x (m, dots, 2) at m photographs, X (dots, 2) at rest.
+    """
+    seen = np.isfinite(x).all(axis=-1)
+    count = np.maximum(seen.sum(axis=1), 1)[:, None, None]
+    A = np.where(seen[..., None], X, 0.0)
+    A = np.where(seen[..., None], A - A.sum(axis=1, keepdims=True) / count, 0.0)
+    spread = np.einsum("kni,knj->kij", A, A)
+    bad = np.linalg.det(spread) < 1e-6 * np.ptp(X) ** 4  # too few, or in line
+    F = np.einsum("kni,knj->kij", np.where(seen[..., None], x, 0.0), A) @ np.linalg.pinv(spread)
+    C = np.swapaxes(F, 1, 2) @ F
+    E = np.column_stack([(C[:, 0, 0] - 1) / 2, (C[:, 1, 1] - 1) / 2, C[:, 0, 1]])
+    E[bad] = np.nan
+    return E

@@ -1,0 +1,63 @@
+"""Units that stand in the columns of test records: from a header such as "Load (lbf)" to a factor to SI."""
+
+import re
+
+FORCE = {"N": 1.0, "kN": 1e3, "mN": 1e-3, "cN": 1e-2, "gf": 9.80665e-3, "kgf": 9.80665, "kp": 9.80665}
+FORCE |= {"lbf": 4.4482216152605, "ozf": 0.27801385095378}
+LENGTH = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "µm": 1e-6, "μm": 1e-6, "in": 0.0254, "inch": 0.0254}
+TIME = {"s": 1.0, "sec": 1.0, "ms": 1e-3, "min": 60.0, "h": 3600.0}
+STRESS = {"Pa": 1.0, "kPa": 1e3, "MPa": 1e6, "GPa": 1e9, "psi": 6894.757293168, "ksi": 6894757.293168}
+STRESS |= {"N/m2": 1.0, "N/m^2": 1.0, "N/m²": 1.0, "N/mm2": 1e6, "N/mm^2": 1e6, "N/mm²": 1e6}
+PER_WIDTH = {f"{f}/{b}": FORCE[f] / LENGTH[b] for f in ("N", "kN", "cN", "gf", "kgf", "lbf") for b in LENGTH}
+RATIO = {"1": 1.0, "-": 1.0, "%": 1e-2, "mm/mm": 1.0, "m/m": 1.0, "in/in": 1.0}
+ANGLE = {"deg": 0.017453292519943295, "°": 0.017453292519943295, "rad": 1.0}
+PICTURE = {"px": 1.0, "pixel": 1.0}
+
+KINDS = {
+    "force": FORCE,
+    "force per width": PER_WIDTH,
+    "stress": STRESS,
+    "length": LENGTH,
+    "ratio": RATIO,
+    "time": TIME,
+    "angle": ANGLE,
+    "pixels": PICTURE,
+}
+"""Kind of a unit -> its units and their factors to SI (N, N/m, Pa, m, 1, s, rad)."""
+
+
+ALIASES = {"n": "N", "kn": "kN", "lb": "lbf", "lbs": "lbf", "mpa": "MPa", "kpa": "kPa", "pa": "Pa", "inches": "in"}
+ALIASES |= {"seconds": "s", "degrees": "deg", "degree": "deg", "radians": "rad", "percent": "%", "pixels": "px"}
+CAPITALS = ("mm", "cm", "in", "lbf", "gf", "kgf", "psi", "ksi", "deg", "sec", "min", "s")
+ALIASES |= {name: name for name in CAPITALS}
+
+
+def factor(unit: str) -> tuple[str, float] | None:
+    """Kind of a unit and its factor to SI, or None if it is not known.
+
+    Capitals are taken for small letters only where that cannot change the meaning: MM is mm, but MN is no mN.
+    """
+    unit = unit.strip().replace(" ", "")
+    for name in (unit, ALIASES.get(unit.lower(), "")):
+        for kind, known in KINDS.items():
+            if name in known:
+                return kind, known[name]
+    return None
+
+
+def split(header: str) -> tuple[str, str | None]:
+    """Name, in lower case, and unit of a column: "Load (N)", "Load [N]", "Load / N", "Load, N" or "load_N";
+    unit None if it has none."""
+    text = header.strip().strip('"').strip()
+    for pattern in (r"^(.*?)\s*[\[(]\s*([^\[\]()]+?)\s*[\])]\s*$", r"^(.*\S)\s+/\s+(\S+)$", r"^(.*\S)\s*,\s*(\S+)$"):
+        match = re.match(pattern, text)
+        if match:
+            return _plain(match[1]), match[2]
+    match = re.match(r"^(.*?)(?:_per_|_| )([^_ ]+)$", text)
+    if match and factor(match[2]):
+        return _plain(match[1]), match[2]
+    return _plain(text), None
+
+
+def _plain(name: str) -> str:
+    return re.sub(r"[\s_]+", " ", name).strip().lower()

@@ -1,0 +1,98 @@
+"""The tensile test of a strip in its grips, as a scene: of the thesis's section 7.2, and of an inverse simulation."""
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+import ufl
+from dolfinx import fem
+
+from . import assumed_strain, directors, frame, hook, kinematics, statics, supports, weakform
+from .fabrics import Fabric
+from .laws import Law, section
+from .meshing import Domain
+
+FOUNDATION = 1.0  # N/m3
+
+
+class Strip(NamedTuple):
+    """A strip at rest: unknown, solver, the law's hook, what pulls the end (m), unknowns of both ends along x."""
+
+    u: fem.Function
+    solver: statics.StaticSolver
+    hook: hook.LawHook
+    pull: Callable[[float], None]
+    ends: tuple[np.ndarray, np.ndarray]
+
+    def renew(self, law: Law) -> None:
+        """Back to rest, of another law of the same kind: in the plane or as a membrane, without a new form."""
+        self.pull(0.0)
+        self.u.x.array[:] = 0.0
+        self.hook.law = law
+        self.hook.history = hook.History(law.initial_state, len(self.hook.history.committed))
+        self.solver.commit()
+
+
+def strip(
+    domain: Domain,
+    fabric: Fabric,
+    law: Law,
+    angle: float = 0.0,
+    ends: str = "clamped",
+    degree: int = 1,
+    level: str = "plane",
+    imperfection: float = 0.0,
+) -> Strip:
+    """A strip along x between its groups fixed_end and pulled_end, the warp at `angle` (radians) to x.
+
+    `ends` may contract where they are "free"; the group pin then holds one point. `level` of the kinematics is
+    "plane", "membrane" or "shell", the latter two of a mesh in space: there the ends stay in their plane and are
+    gripped; while the strip is flat it does what it does in the plane. `imperfection` (m) bends a shell into a half
+    wave.
+    """
+    plane, mesh, h = level == "plane", domain.mesh, fabric.thickness
+    warp = (np.cos(angle), np.sin(angle), 0.0)
+    shell = None
+    if level == "shell":
+        x = mesh.geometry.x
+        x[:, 2] = imperfection * np.sin(np.pi * x[:, 0] / x[:, 0].max(initial=1e-9))
+        shell = directors.ShellSpace(mesh, "q1" if mesh.basix_cell().name == "quadrilateral" else None)
+        u, v = shell.function(), ufl.TestFunction(shell.V)
+        strain, shear = assumed_strain.shell_strains(shell, u, warp)
+        cloth = hook.LawHook(section.Section(law, h), strain, mesh, directors.DEGREE)
+        G = fabric.shear.modulus[0]
+        stiffness = weakform.shear_stiffness(mesh, (G, G), fem.Constant(mesh, h))
+        residual = weakform.internal(cloth.stress, strain, u, v, 1.0, cloth.dx)
+        residual += weakform.internal(ufl.dot(stiffness, shear), shear, u, v, 1.0, shell.dx_shear)
+    else:
+        flat = fem.functionspace(mesh, ("Lagrange", degree, (mesh.geometry.dim,)))
+        u, v = fem.Function(flat), ufl.TestFunction(flat)
+        axes = frame.plane_axes(mesh, angle) if plane else frame.surface_axes(mesh, warp, 2 * degree)
+        strain = kinematics.membrane_strain(u, axes)
+        cloth = hook.LawHook(law, strain, mesh, degree=2 * degree)
+        residual = weakform.internal(cloth.stress, strain, u, v, fem.Constant(mesh, h), cloth.dx)
+        if not plane:
+            # across itself a membrane without stress has no stiffness: it lies on a soft foundation
+            residual += fem.Constant(mesh, FOUNDATION) * u[2] * v[2] * cloth.dx
+    space = shell or flat
+
+    end = fem.Constant(mesh, 0.0)
+    held: list[tuple[str, int, float | fem.Constant]] = [("fixed_end", 0, 0.0), ("pulled_end", 0, end)]
+    held += [(group, 1, 0.0) for group in (["fixed_end", "pulled_end"] if ends == "clamped" else ["pin"])]
+    held += [] if plane else [("fixed_end", 2, 0.0), ("pulled_end", 2, 0.0)]
+    bcs = [bc for group, axis, value in held for bc in supports.lead(domain, space, group, axis, value)]
+    if shell is not None:
+        bcs += supports.hold(domain, shell, "fixed_end") + supports.hold(domain, shell, "pulled_end")
+
+    # under displacement control a line search takes far fewer iterations past the kinks of the law; but it does not
+    # get a slack strip to bend, whose forces are a millionth of those that pulled it
+    buckles = imperfection != 0.0
+    options: dict[str, object] = {"snes_linesearch_type": "basic" if buckles else "bt"}
+    rtol = 1e-10 if buckles else 1e-6
+    solver = statics.StaticSolver(residual, u, bcs, [cloth], rtol, options, shell)
+
+    def pull(displacement: float) -> None:
+        end.value = displacement
+
+    fixed, pulled = (supports.unknowns(domain, space, group, 0) for group in ("fixed_end", "pulled_end"))
+    return Strip(u, solver, cloth, pull, (fixed, pulled))
