@@ -12,6 +12,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from types import FrameType
 from typing import Any, Protocol
+from zipfile import BadZipFile
 
 import numpy as np
 from mpi4py import MPI
@@ -91,7 +92,7 @@ def load(path: str | Path, run: Run, scene: str = "") -> None:
                 rows = data[f"cell_{name}"]
                 if rows.shape[1:] != _rows(space, kind, array).shape[1:]:
                     fault = f"its {name} has another size: the law, the layers or the element are others"
-    except (OSError, ValueError, KeyError, EOFError) as error:
+    except (OSError, ValueError, KeyError, EOFError, BadZipFile) as error:
         fault = f"it cannot be read ({error.strerror if isinstance(error, OSError) else 'no checkpoint'})"
     fault = next((said for said in run.comm.allgather(fault) if said), None)
     if fault:

@@ -49,7 +49,7 @@ class Ledger:
         self._run, self.motion, self.comm = run, run.motion, run.comm
         self._external = fem.form(external) if external else None
         self._damping = fem.form(damping) if damping else None
-        self._stored = fem.form(stored) if stored else None
+        self._stored = fem.form(stored) if stored and stored.integrals() else None
         self._works = [LawWork(hook, factor) for hook, factor in hooks]
         self._tells = all(work.tells for work in self._works)
         self._vector = fempetsc.create_vector(self.motion.q.function_space)

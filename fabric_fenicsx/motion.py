@@ -99,7 +99,10 @@ class Motion:
         v1 = self.velocity.x.array
         v1[:] = v0 + dt * ((1.0 - self.gamma) * a0 + self.gamma * a1)
         a1[self.given], v1[self.given] = self._given_a, self._given_v
-        self.acceleration.x.array[:] = (1.0 - self.alpha_m) * a0 + self.alpha_m * a1
+        stage = self.acceleration.x.array
+        stage[:] = (1.0 - self.alpha_m) * a0 + self.alpha_m * a1
+        # with alpha_m above 1, a0 and a1 lag behind their times, and only the stage is at its own
+        stage[self.given] = self._given_a
 
     def inertia(self) -> PETSc.Vec:
         """Force M (a + damping v) of the stage acceleration, N, valid until the next call."""

@@ -56,7 +56,7 @@ def stiffness_damping(
     integrated over the thickness: it resists strain, never a turn of the whole, and always dissipates.
     """
     rate = ufl.derivative(strain, u, velocity)
-    C = fem.Constant(dx.ufl_domain().ufl_cargo(), stiffness)
+    C = fem.Constant(u.function_space.mesh, stiffness)
     return b * ufl.inner(ufl.dot(C, rate), ufl.derivative(strain, u, v)) * dx
 
 
