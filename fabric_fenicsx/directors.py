@@ -294,8 +294,7 @@ def _carried(frame: Array, d: Array) -> Array:
     """Frames carried along the shortest turn from their d0 to d."""
     e1, d0, d = frame[:, 0], frame[:, 2], _unit(d)
     # e1 - (e1.d) / (1 + d0.d) (d0 + d) is the image of e1 under that turn
-    # half a turn has no shortest way: any will do
-    part = (e1 * d).sum(axis=1) / np.maximum(1 + (d0 * d).sum(axis=1), 1e-14)
+    part = (e1 * d).sum(axis=1) / np.maximum(1 + (d0 * d).sum(axis=1), 1e-14)  # half a turn has no shortest way
     e1 = e1 - part[:, None] * (d0 + d)
     e1 = _unit(e1 - (e1 * d).sum(axis=1)[:, None] * d)
     return np.stack([e1, np.cross(d, e1), d], axis=1)

@@ -12,7 +12,6 @@ from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 import numpy as np
-from mpi4py import MPI
 from dolfinx import fem, la
 from dolfinx_external_operator import replace_external_operators
 from petsc4py import PETSc
@@ -20,6 +19,7 @@ from tqdm import tqdm
 from ufl.algorithms import expand_derivatives
 from ufl.form import Form
 
+from . import stable_step
 from .continuation import Step
 from .errors import InputError, StepFailed
 from .hook import LawHook
@@ -63,12 +63,11 @@ class CentralDifference:
         self.given = motion.given = np.unique(
             np.concatenate([np.empty(0, np.int32), *(bc.dof_indices()[0] for bc in bcs)])
         )
-        self._directors = np.empty((0, 3), dtype=np.int32) if motion.space is None else motion.space.nodes
-        self._mass = self._lumped()
-        self.rotary = 1.0
-        self.stable, self.rotary = self._stable(rotary)
+        self.directors = np.empty((0, 3), dtype=np.int32) if motion.space is None else motion.space.nodes
+        self.mass = stable_step.lumped(motion)
+        self.stable, self.rotary = stable_step.find(self, rotary)
         lumped = fem.Function(self.V)
-        lumped.x.array[:] = self._mass
+        lumped.x.array[:] = self.mass
         motion.mass = PETSc.Mat().createDiagonal(lumped.x.petsc_vec.copy())
         self.interrupted = self._began = False
         self.ts = PETSc.TS().createPython(self, comm=self.comm)
@@ -78,114 +77,21 @@ class CentralDifference:
         self.ts.setMaxSteps(2**31 - 1)
         self.ts.setFromOptions()
 
-    # -- mass and stability ---------------------------------------------------------------------------------------
-
-    def _lumped(self) -> Array:
-        """Mass of each local unknown, those of each kind in proportion to the diagonal."""
-        diagonal = fem.Function(self.V)
-        self.motion.mass.getDiagonal(diagonal.x.petsc_vec)
-        diagonal.x.scatter_forward()
-        m, size = diagonal.x.array.copy(), self.V.dofmap.index_map.size_local * self.V.dofmap.index_map_bs
-        one, image = fem.Function(self.V), fem.Function(self.V)
-        kinds = [np.setdiff1d(np.arange(len(m)), self._directors), self._directors.ravel()]
-        for kind in kinds:
-            one.x.array[:] = 0.0
-            one.x.array[kind] = 1.0
-            self.motion.mass.mult(one.x.petsc_vec, image.x.petsc_vec)
-            own = kind[kind < size]
-            total, part = self.comm.allreduce(np.array([image.x.array[own].sum(), m[own].sum()]))
-            m[kind] *= total / part if part > 0.0 else 1.0
-        if self._directors.size and not (m[self._directors] > 0.0).all():
-            raise InputError("Explicit motion needs directors with inertia: leave the rotary part of the mass in.")
-        return np.asarray(m)
-
-    def _stable(self, rotary: float | None) -> tuple[float, float]:
-        """Largest stable step, and the factor on the inertia of directors."""
-        laws = [hook.law for hook in self.hooks]
-        for hook in self.hooks:
-            hook.law = _Frozen(getattr(hook.law, "stiffest", hook.law))
-        directors = self._directors.ravel()
-        free = np.ones(len(self._mass))
-        free[self.given] = 0.0
-        alone, turning = free.copy(), np.zeros_like(free)
-        alone[directors] = 0.0
-        turning[directors] = free[directors]
-        if rotary is None:
-            rotary = 1.0
-            if directors.size:
-                rotary = max(1.0, self._fastest(turning) / self._fastest(alone))
-        self._mass[directors] *= rotary
-        fastest = self._fastest(free)
-        for hook, law in zip(self.hooks, laws, strict=True):
-            hook.law = law
-        self._evaluate()
-        return 2.0 / math.sqrt(fastest), rotary
-
-    def _fastest(self, free: Array, iterations: int = 60) -> float:
-        """Largest eigenvalue of M^-1 K among motions of the unknowns where `free` is 1, by power iteration.
-
-        K x is a difference of the residual at two states close by; directors move in their tangent plane.
-        """
-        size = self._owned
-        start, x = self.q.x.array.copy(), fem.Function(self.V)
-        self._noise(x)
-        force0, root, value = self._evaluate().copy(), np.sqrt(self._mass), 0.0
-        y = x.x.array * free * root
-        for _ in range(iterations):
-            norm = math.sqrt(self.comm.allreduce(float(y[:size] @ y[:size])))
-            move = free * y / root / norm
-            self._lay(move, start)
-            scale = 1e-7 * self._length / max(self.comm.allreduce(np.abs(move).max(initial=0.0), MPI.MAX), 1e-300)
-            self.q.x.array[:] = start + scale * move
-            x.x.array[:] = 0.0
-            x.x.array[:size] = ((self._evaluate() - force0) / scale)[:size]
-            x.x.scatter_forward()
-            self._lay(x.x.array, start)
-            y = free * x.x.array / root
-            before, value = value, math.sqrt(self.comm.allreduce(float(y[:size] @ y[:size])))
-            if abs(value - before) < 1e-3 * value:
-                break
-        self.q.x.array[:] = start
-        # the iteration comes from below
-        return 1.02 * value
-
-    def _noise(self, x: fem.Function) -> None:
-        """The same on any number of ranks."""
-
-        def noise(at: Array) -> Array:
-            return np.asarray(np.sin(1e4 * (at[0] + 2 * at[1] + 3 * at[2])) * np.array([[1.0], [0.7], [-0.9]]))
-
-        if self.motion.space is None:
-            x.interpolate(noise)
-            return
-        for part in (0, 1):
-            space, dofs = self.V.sub(part).collapse()
-            values = fem.Function(space)
-            values.interpolate(noise)
-            x.x.array[dofs] = values.x.array
-
-    def _lay(self, values: Array, q: Array) -> None:
+    def lay(self, values: Array, q: Array) -> None:
         """Take from directors' values what is along the directors of q."""
-        d = q[self._directors]
+        d = q[self.directors]
         d = d / np.linalg.norm(d, axis=1, keepdims=True)
-        w = values[self._directors]
-        values[self._directors] = w - (w * d).sum(axis=1, keepdims=True) * d
+        w = values[self.directors]
+        values[self.directors] = w - (w * d).sum(axis=1, keepdims=True) * d
 
     # -- a step ---------------------------------------------------------------------------------------------------
 
     @property
-    def _owned(self) -> int:
+    def owned(self) -> int:
+        """Number of the unknowns that are this rank's own; they come first."""
         return int(self.V.dofmap.index_map.size_local * self.V.dofmap.index_map_bs)
 
-    @property
-    def _length(self) -> float:
-        """Size of a cell, m."""
-        mesh = self.V.mesh
-        x = mesh.geometry.x[mesh.geometry.dofmaps[0]]
-        size = float(np.ptp(x, axis=1).max(axis=1).min(initial=np.inf)) if len(x) else np.inf
-        return float(self.comm.allreduce(size, MPI.MIN))
-
-    def _evaluate(self) -> Array:
+    def evaluate(self) -> Array:
         """Residual at the present q and velocity, local array, complete on ghosts too."""
         for hook in self.hooks:
             hook.evaluate()
@@ -197,7 +103,7 @@ class CentralDifference:
 
     def step(self, ts: PETSc.TS) -> None:
         """One step of `ts`'s length; never raises."""
-        motion, dt, directors = self.motion, ts.getTimeStep(), self._directors
+        motion, dt, directors = self.motion, ts.getTimeStep(), self.directors
         q, v, a = self.q.x.array, motion.velocity.x.array, motion.acceleration.x.array
         v += 0.5 * dt * a
         turn = dt * v[directors]
@@ -212,13 +118,13 @@ class CentralDifference:
         self.time += dt
         if len(self.given):
             self._move_supports(dt)
-        force = self._evaluate()
-        np.divide(force, self._mass, out=a)
+        force = self.evaluate()
+        np.divide(force, self.mass, out=a)
         a *= -1.0
         if motion.damping > 0.0:
             a -= motion.damping * v
         a[self.given] = self._given_a
-        self._lay(a, q)
+        self.lay(a, q)
         v += 0.5 * dt * a
         v[self.given] = self._given_v
         if self.ledger is not None:
@@ -230,10 +136,10 @@ class CentralDifference:
 
     def forces(self) -> Array:
         """M a + residual in N at the owned unknowns: at supports, the reactions."""
-        total = self._force.array + self._mass * (
+        total = self._force.array + self.mass * (
             self.motion.acceleration.x.array + self.motion.damping * self.motion.velocity.x.array
         )
-        return np.asarray(total[: self._owned])
+        return np.asarray(total[: self.owned])
 
     ledger: Any = None
     """An `energy.Ledger`, if one is kept; it takes about twice the time of a step."""
@@ -261,9 +167,9 @@ class CentralDifference:
             self._move_supports(dt)
             motion.velocity.x.array[self.given] = self._given_v
         a = motion.acceleration.x.array
-        a[:] = -self._evaluate() / self._mass - motion.damping * motion.velocity.x.array
+        a[:] = -self.evaluate() / self.mass - motion.damping * motion.velocity.x.array
         a[self.given] = self._given_a
-        self._lay(a, self.q.x.array)
+        self.lay(a, self.q.x.array)
         if self.ledger is not None:
             self.ledger.start()
         self._began = True
@@ -324,19 +230,3 @@ class CentralDifference:
             f"Explicit motion failed between {begun:.6g} and {reached:.6g} s: {said}. The step, "
             f"{self.ts.getTimeStep():.3g} s, is too large for what the sheet has become; take a smaller one."
         )
-
-
-class _Frozen:
-    """A law that always answers from its first state, whatever the state it is given."""
-
-    symmetric = False
-
-    def __init__(self, law: Any) -> None:
-        self.law, self.initial_state = law, law.initial_state
-
-    def respond(self, strain: Array, state: Array, out: Any = None) -> tuple[Array, Array, Array]:
-        """See `laws.Law.respond`; the new state is the old one."""
-        first = np.tile(self.initial_state, (len(strain), 1))
-        self.law.respond(strain, first, (out[0], out[1], np.empty_like(first)))
-        out[2][:] = state
-        return out[0], out[1], out[2]

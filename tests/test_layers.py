@@ -28,6 +28,7 @@ ROOMS = [
     {"continuation"},
     {"statics"},
     {"motion"},
+    {"stable_step"},
     {"dynamics", "explicit"},
     {"energy"},
     {"checkpoint"},

@@ -1,0 +1,145 @@
+"""Lumped mass, and the largest stable step of explicit motion with it."""
+
+import math
+from collections.abc import Sequence
+from typing import Any, Protocol
+
+import numpy as np
+from mpi4py import MPI
+from dolfinx import fem
+
+from .errors import InputError
+from .laws import Array
+from .motion import Motion
+
+
+class Run(Protocol):
+    """What is asked of `explicit.CentralDifference`; `mass` is a local array, that of directors is scaled by `find`."""
+
+    comm: MPI.Comm
+    q: fem.Function
+    V: fem.FunctionSpace
+    motion: Motion
+    mass: Array
+    given: np.ndarray
+    directors: np.ndarray
+
+    @property
+    def hooks(self) -> Sequence[Any]: ...
+    @property
+    def owned(self) -> int: ...
+    def evaluate(self) -> Array: ...
+    def lay(self, values: Array, q: Array) -> None: ...
+
+
+def lumped(motion: Motion) -> Array:
+    """Mass of each local unknown: the diagonal, that of displacements and of directors scaled to keep its total.
+
+    Raises InputError, on every rank, for a shell whose directors have no inertia.
+    """
+    V = motion.q.function_space
+    directors = np.empty(0, dtype=np.int32) if motion.space is None else motion.space.nodes.ravel()
+    diagonal, one, image = (fem.Function(V) for _ in range(3))
+    motion.mass.getDiagonal(diagonal.x.petsc_vec)
+    diagonal.x.scatter_forward()
+    m, size = diagonal.x.array.copy(), V.dofmap.index_map.size_local * V.dofmap.index_map_bs
+    for kind in (np.setdiff1d(np.arange(len(m)), directors), directors):
+        one.x.array[:] = 0.0
+        one.x.array[kind] = 1.0
+        motion.mass.mult(one.x.petsc_vec, image.x.petsc_vec)
+        own = kind[kind < size]
+        total, part = V.mesh.comm.allreduce(np.array([image.x.array[own].sum(), m[own].sum()]))
+        m[kind] *= total / part if part > 0.0 else 1.0
+    if V.mesh.comm.allreduce(bool((m <= 0.0).any()), MPI.LOR):
+        raise InputError("Explicit motion needs directors with inertia: leave the rotary part of the mass in.")
+    return np.asarray(m)
+
+
+def find(run: Run, rotary: float | None) -> tuple[float, float]:
+    """Largest stable step in s, and the factor by which the inertia of directors in `run.mass` has been multiplied."""
+    laws = [hook.law for hook in run.hooks]
+    for hook in run.hooks:
+        hook.law = _Frozen(getattr(hook.law, "stiffest", hook.law))
+    directors = run.directors.ravel()
+    free = np.ones(len(run.mass))
+    free[run.given] = 0.0
+    if rotary is None:
+        rotary = 1.0
+        if directors.size:
+            alone, turning = free.copy(), np.zeros_like(free)
+            alone[directors], turning[directors] = 0.0, free[directors]
+            rotary = max(1.0, fastest(run, turning) / fastest(run, alone))
+    run.mass[directors] *= rotary
+    step = 2.0 / math.sqrt(fastest(run, free))
+    for hook, law in zip(run.hooks, laws, strict=True):
+        hook.law = law
+    run.evaluate()
+    return step, rotary
+
+
+def fastest(run: Run, free: Array, iterations: int = 60) -> float:
+    """Largest eigenvalue of M^-1 K (1/s2) among motions of the unknowns where `free` is 1, by power iteration.
+
+    K x is a difference of the residual at two states close by; directors move in their tangent plane.
+    """
+    size, comm = run.owned, run.comm
+    start, x = run.q.x.array.copy(), _noise(run)
+    force, root, value = run.evaluate().copy(), np.sqrt(run.mass), 0.0
+    y = x.x.array * free * root
+    for _ in range(iterations):
+        norm = math.sqrt(comm.allreduce(float(y[:size] @ y[:size])))
+        move = free * y / root / norm
+        run.lay(move, start)
+        scale = 1e-7 * _length(run) / max(comm.allreduce(np.abs(move).max(initial=0.0), MPI.MAX), 1e-300)
+        run.q.x.array[:] = start + scale * move
+        x.x.array[:] = (run.evaluate() - force) / scale
+        run.lay(x.x.array, start)
+        y = free * x.x.array / root
+        before, value = value, math.sqrt(comm.allreduce(float(y[:size] @ y[:size])))
+        if abs(value - before) < 1e-3 * value:
+            break
+    run.q.x.array[:] = start
+    # the iteration comes from below
+    return 1.02 * value
+
+
+def _noise(run: Run) -> fem.Function:
+    """The same on any number of ranks."""
+
+    def noise(at: Array) -> Array:
+        return np.asarray(np.sin(1e4 * (at[0] + 2 * at[1] + 3 * at[2])) * np.array([[1.0], [0.7], [-0.9]]))
+
+    x = fem.Function(run.V)
+    if run.motion.space is None:
+        x.interpolate(noise)
+        return x
+    for part in (0, 1):
+        space, dofs = run.V.sub(part).collapse()
+        values = fem.Function(space)
+        values.interpolate(noise)
+        x.x.array[dofs] = values.x.array
+    return x
+
+
+def _length(run: Run) -> float:
+    """Size of a cell, m."""
+    mesh = run.V.mesh
+    x = mesh.geometry.x[mesh.geometry.dofmaps[0]]
+    size = float(np.ptp(x, axis=1).max(axis=1).min(initial=np.inf)) if len(x) else np.inf
+    return float(run.comm.allreduce(size, MPI.MIN))
+
+
+class _Frozen:
+    """A law that always answers from its first state, whatever the state it is given."""
+
+    symmetric = False
+
+    def __init__(self, law: Any) -> None:
+        self.law, self.initial_state = law, law.initial_state
+
+    def respond(self, strain: Array, state: Array, out: Any = None) -> tuple[Array, Array, Array]:
+        """See `laws.Law.respond`; the new state is the old one."""
+        first = np.tile(self.initial_state, (len(strain), 1))
+        self.law.respond(strain, first, (out[0], out[1], np.empty_like(first)))
+        out[2][:] = state
+        return out[0], out[1], out[2]

@@ -1,0 +1,121 @@
+"""Explicit dynamics: lumped mass, stable step, order, energy, agreement with the implicit scheme, failure."""
+
+from itertools import pairwise
+
+import motions
+import numpy as np
+import pytest
+from mpi4py import MPI
+from dolfinx import fem
+
+from fabric_fenicsx import energy, explicit, meshing, motion, sheet, stable_step, supports
+from fabric_fenicsx.errors import InputError, StepFailed
+
+COMM = MPI.COMM_WORLD
+
+
+def run_of(cloth, bcs=(), gravity=(0, 0, 0), **settings):
+    """Explicit motion of a sheet that has a weight, and its virtual work."""
+    weight = cloth.weight(motions.AREAL_MASS, fem.Constant(cloth.domain.mesh, np.array(gravity, dtype=float)))
+    moved = motion.Motion(cloth.q, cloth.mass(motions.AREAL_MASS), cloth.shell)
+    return explicit.CentralDifference(moved, cloth.internal - weight, list(bcs), cloth.hooks, **settings), weight
+
+
+def plate(comm=MPI.COMM_SELF, **settings):
+    """A sheet hinged on its left edge that falls, and its run."""
+    cloth = motions.cloth(comm)
+    bcs = supports.hinge(cloth.domain, cloth.space, "left")
+    return cloth, run_of(cloth, bcs, (0, 0, -9.81), **settings)[0]
+
+
+@pytest.mark.parametrize("triangles", [0, 1])
+def test_lumped_mass_is_positive_and_whole(triangles):
+    domain = meshing.read(motions.SQUARE, MPI.COMM_SELF, side=motions.SIDE, n=2, triangles=triangles)
+    cloth = sheet.Sheet(domain, motions.SOFT, motions.THICKNESS, (2e3, 2e3), layers=2)
+    m = stable_step.lumped(motion.Motion(cloth.q, cloth.mass(motions.AREAL_MASS), cloth.shell))
+    assert (m > 0).all()
+    whole = motions.AREAL_MASS * motions.SIDE**2
+    for part, expected in ((0, whole), (1, whole * motions.THICKNESS**2 / 12)):
+        for component in range(3):
+            unknowns = cloth.space.V.sub(part).sub(component).collapse()[1]
+            assert abs(m[unknowns].sum() / expected - 1) < 1e-12
+    still = motion.Motion(cloth.q, cloth.mass(motions.AREAL_MASS, rotary=False), cloth.shell)
+    with pytest.raises(InputError, match="directors with inertia"):
+        stable_step.lumped(still)
+
+
+def test_free_fall_is_exact():
+    cloth = motions.cloth(MPI.COMM_SELF)
+    run, _ = run_of(cloth, gravity=(0, 0, -9.81))
+    *_, step = run.march(0.01, 0.01)
+    u = cloth.q.sub(0).collapse().x.array.reshape(-1, 3)
+    assert step.load == 0.01 and np.abs(u - [0, 0, -9.81 * 0.01**2 / 2]).max() < 1e-12
+
+
+def test_a_step_over_the_largest_stable_one_is_refused_and_does_explode():
+    _, run = plate()
+    with pytest.raises(InputError, match="not stable: the largest is"):
+        next(run.march(0.01, 0.01, dt=1.01 * run.stable))
+    grown = []
+    for factor, steps in ((0.98, 500), (1.1, 16)):
+        cloth = motions.cloth(MPI.COMM_SELF)
+        run, _ = run_of(cloth)
+        # a motion too small to change what is stable
+        cloth.q.x.array[run.directors[:, 0]] += 1e-9
+        run.stable *= factor / explicit.SAFETY
+        for _ in run.march(steps * run.stable, steps * run.stable):
+            pass
+        grown.append(np.abs(cloth.q.sub(0).collapse().x.array).max())
+    assert grown[0] < 1e-8 and grown[1] > 1e3 * grown[0], grown
+
+
+def test_second_order():
+    answers = []
+    base = 0.8 * plate()[1].stable
+    for n in (2, 4, 8, 16):
+        cloth, run = plate()
+        motions.spin(run.motion.velocity, (0, -10.0, 0))
+        for _ in run.march(32 * base, 32 * base, dt=base / n):
+            pass
+        answers.append(cloth.q.x.array.copy())
+    errors = [np.abs(a - b).max() for a, b in pairwise(answers)]
+    assert 1.9 < motions.order(errors)[-1] < 2.2
+
+
+def test_energy_closes_and_the_implicit_scheme_agrees():
+    cloth = motions.cloth(MPI.COMM_SELF)
+    run, weight = run_of(cloth, supports.hinge(cloth.domain, cloth.space, "left"), (0, 0, -9.81), rotary=1.0)
+    ledger = energy.Ledger(run, weight, cloth.stored)
+    motions.spin(run.motion.velocity, (0, -10.0, 0))
+    for _ in run.march(0.02, 0.01):
+        pass
+    assert ledger.worst < 1e-3 * ledger.most
+    other = motions.cloth(MPI.COMM_SELF)
+    implicit = motions.moving(other, supports.hinge(other.domain, other.space, "left"), (0, 0, -9.81))
+    motions.spin(implicit.motion.velocity, (0, -10.0, 0))
+    for _ in implicit.march(0.02, 2e-4):
+        pass
+    # the mass is lumped here and consistent there
+    moved = [sheet.q.sub(0).collapse().x.array for sheet in (cloth, other)]
+    assert np.abs(moved[0] - moved[1]).max() < 0.02 * np.abs(moved[1]).max()
+
+
+def test_a_motion_that_is_not_finite_stops_with_the_last_good_state():
+    cloth, run = plate()
+    for step in run.march(0.002, 0.001):
+        good, t = cloth.q.x.array.copy(), step.load
+    run.motion.velocity.x.array[-1] = np.nan
+    with pytest.raises(StepFailed, match="not finite"):
+        next(run.march(0.004, 0.001))
+    assert (cloth.q.x.array == good).all() and run.time == t
+
+
+@pytest.mark.parallel
+def test_one_and_two_ranks_agree():
+    found = []
+    for comm in (COMM, MPI.COMM_SELF):
+        cloth, run = plate(comm, rotary=1.0)
+        for _ in run.march(0.005, 0.005, dt=5e-5):
+            pass
+        found.append(motions.nodes(cloth.q)[0])
+    assert np.abs(found[0] - found[1]).max() < 1e-10
