@@ -2,6 +2,9 @@
 
 The warp lies at --angle to the load: 0 is the warp test, 90 the weft test, 45 the bias test. Where the
 ends may contract, a warp or weft test must give the fitted curve of Table 7.1: that is the checked number.
+
+As a shell that is not quite flat (--imperfection) and goes back to zero displacement (--whole) the strip buckles, as in
+Figure 7-9 (c).
 """
 
 import argparse
