@@ -38,11 +38,8 @@ def scene(args, comm=MPI.COMM_WORLD):
     run = moving.runner(args, moved, cloth.internal - weight, bcs, cloth)
     ledger = energy.Ledger(run, weight, cloth.stored, [(hook, 1.0) for hook in cloth.hooks])
     probes = {"center_z_m": moving.value_at(cloth, 2, "centre")}
-    what = f"isotropic {args.isotropic}" if args.isotropic else f"{fabric.name}, {args.law}"
-    settings = f"drape: {what}, {cells} cells, {args.element}, patch {args.patch}, {args.layers} layers, {args.poisson}"
-    return moving.Scene(
-        f"drape of {fabric.name}", cloth, run, ledger, probes, moving.yarn_strain(cloth), "larger yarn strain", settings
-    )
+    name, made_with = f"drape of {fabric.name}", moving.settings("drape", args, f"patch {args.patch}")
+    return moving.Scene(name, cloth, run, ledger, probes, moving.yarn_strain(cloth), "larger yarn strain", made_with)
 
 
 def arguments(argv=None):

@@ -3,7 +3,6 @@
 from mpi4py import MPI  # isort: skip  (first, as in every DOLFINx script: it loads the MPI library)
 
 import argparse
-import contextlib
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -64,11 +63,17 @@ def runner(args, moved, residual, bcs, cloth, set_load=lambda t: None):
     """The time integrator that the command line asks for; explicit steps are of its own choice."""
     if args.method == "implicit":
         return dynamics.Newmark(moved, residual, bcs, cloth.hooks, set_load, rtol=args.rtol)
-    if args.resume:
-        raise InputError("--resume goes on with implicit runs only.")
     run = explicit.CentralDifference(moved, residual, bcs, cloth.hooks, set_load)
     command.say(f"stable step {run.stable * 1e6:.3g} us; inertia of directors times {run.rotary:.3g}")
     return run
+
+
+def settings(scene, args, *more):
+    """What a checkpoint must have been made with."""
+    law = f"isotropic {args.isotropic}" if args.isotropic else f"{args.fabric}, {args.law}, {args.poisson}"
+    mesh = f"{args.cells} cells, {args.element}, {args.layers} layers"
+    shear = "no shear hysteresis" if args.no_shear_hysteresis else "shear hysteresis"
+    return ", ".join(map(str, (scene, law, shear, mesh, args.method, *more)))
 
 
 @dataclass
@@ -101,9 +106,8 @@ def play(scene, args, out, progress):
         return u, scene.cell_value()
 
     state = out / "checkpoint.npz"
-    saved = checkpoint.guard(state, run, scene.settings) if args.method == "implicit" else contextlib.nullcontext()
     fields = results.Fields(out / "fields.bp", u, ("value",))
-    with results.Table(out / "history.csv", comm) as table, saved:
+    with results.Table(out / "history.csv", comm) as table, checkpoint.guard(state, run, scene.settings):
         for step in run.march(args.end, args.step * 1e-3, progress=progress and scene.name, note=note(scene.ledger)):
             table.row(
                 time_s=step.load,
@@ -118,8 +122,7 @@ def play(scene, args, out, progress):
             if args.animation:
                 film.append((step.load, u.x.array.copy(), value.copy()))
     fields.close()
-    if args.method == "implicit":
-        checkpoint.save(state, run, scene.settings)
+    checkpoint.save(state, run, scene.settings)
     if comm.rank == 0:
         plot(out / "energy.png", table, scene)
     results.picture(out / "deformed.png", *shown(), scene.label, f"{scene.name}, t = {run.time:g} s")

@@ -79,10 +79,9 @@ def scene(args, comm=MPI.COMM_WORLD):
         values = probe(cloth, place)
         for k, column in enumerate(("E11", "E22", "S11_MPa", "S22_MPa")):
             probes[f"{name}_{column}"] = lambda values=values, k=k: values()[k]
-    what = f"isotropic {args.isotropic}" if args.isotropic else f"{fabric.name}, {args.law}"
-    settings = f"poke: {what}, {cells} cells, {args.element}, {args.layers} layers, {args.poisson}"
     name = f"poke of {fabric.name}" + (", St. Venant-Kirchhoff" if not cloth.hooks else "")
-    return moving.Scene(name, cloth, run, ledger, probes, moving.yarn_strain(cloth), "larger yarn strain", settings)
+    made_with = moving.settings("poke", args, "at constant speed" if args.jerk else "smoothly")
+    return moving.Scene(name, cloth, run, ledger, probes, moving.yarn_strain(cloth), "larger yarn strain", made_with)
 
 
 def plot(path, table, fabric):

@@ -22,7 +22,7 @@ from .hook import LawHook
 from .laws import Array
 from .motion import Motion, MovingSolver
 
-OPTIONS = {"snes_linesearch_type": "secant", "snes_max_it": 40}
+OPTIONS = {"snes_linesearch_type": "secant", "snes_max_it": 30}
 """Over those of `statics`: a sheet that unloads is full of kinks, where full steps overshoot.
 
 Newton iterations a step, drape of blend held over patches, 20 x 20: secant 6.3, cp 6.9, bt 7.6.

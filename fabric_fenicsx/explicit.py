@@ -84,6 +84,37 @@ class CentralDifference:
         w = values[self.directors]
         values[self.directors] = w - (w * d).sum(axis=1, keepdims=True) * d
 
+    # -- what a checkpoint asks for -------------------------------------------------------------------------------
+
+    def numbers(self) -> dict[str, float]:
+        """Time and energies of the last step."""
+        return {"time": self.time, "number": self.number} | (self.ledger.numbers() if self.ledger else {})
+
+    def set_numbers(self, numbers: dict[str, float]) -> None:
+        """As `numbers` gave them."""
+        self.time, self.number = numbers["time"], int(numbers["number"])
+        if self.ledger:
+            self.ledger.set_numbers(numbers)
+
+    def fields(self) -> tuple[fem.FunctionSpace, list[tuple[str, str, Array]]]:
+        """The arrays of the last step; see `checkpoint`."""
+        motion = self.motion
+        moved = zip(("q", "v", "a"), (self.q, motion.velocity, motion.acceleration), strict=True)
+        result = [(name, "unknowns", function.x.array) for name, function in moved]
+        for k, hook in enumerate(self.hooks):
+            result.append((f"history{k}", "cells", hook.history.committed.reshape(-1)))
+        return self.V, result
+
+    def renew(self) -> None:
+        """Go on from what has been put into `fields` and `numbers`."""
+        self._scratch = self.q.x.array.copy()
+        self.set_load(self.time)
+        self.evaluate()
+        self.ts.setTime(self.time)
+        if self.ledger:
+            self.ledger.renew()
+        self._began = True
+
     # -- a step ---------------------------------------------------------------------------------------------------
 
     @property

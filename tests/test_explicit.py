@@ -8,7 +8,7 @@ import pytest
 from mpi4py import MPI
 from dolfinx import fem
 
-from fabric_fenicsx import energy, explicit, meshing, motion, sheet, stable_step, supports
+from fabric_fenicsx import checkpoint, energy, explicit, meshing, motion, sheet, stable_step, supports
 from fabric_fenicsx.errors import InputError, StepFailed
 
 COMM = MPI.COMM_WORLD
@@ -108,6 +108,22 @@ def test_a_motion_that_is_not_finite_stops_with_the_last_good_state():
     with pytest.raises(StepFailed, match="not finite"):
         next(run.march(0.004, 0.001))
     assert (cloth.q.x.array == good).all() and run.time == t
+
+
+def test_a_saved_motion_goes_on_as_if_it_had_not_stopped(tmp_path):
+    ends = []
+    for stop in (False, True):
+        cloth, run = plate()
+        for step in run.march(0.004, 0.001):
+            if stop and step.number == 2:
+                checkpoint.save(tmp_path / "saved.npz", run)
+                cloth, run = plate()
+                checkpoint.load(tmp_path / "saved.npz", run)
+                for _ in run.march(0.004, 0.001):
+                    pass
+                break
+        ends.append((run.time, run.number, cloth.q.x.array.copy()))
+    assert ends[0][:2] == ends[1][:2] and (ends[0][2] == ends[1][2]).all()
 
 
 @pytest.mark.parallel
