@@ -14,7 +14,7 @@ import numpy as np
 
 from fabric_fenicsx import command, fabrics, identify, results
 from fabric_fenicsx.errors import InputError
-from fabric_fenicsx.identify import inverse, net, report, synthetic
+from fabric_fenicsx.identify import fabric_file, inverse, net, report, synthetic
 
 STRIP = Path(__file__).parent.parent / "meshes" / "strip.geo"
 ACCEPTED = {"warp_curve": 3.0, "weft_curve": 3.0, "shear_curve": 5.0, "nu12": 5.0, "nu21": 5.0}
@@ -49,10 +49,10 @@ def one(path, out, shear, ends):
         found = net.shear(unmarked(found))
     for ending in "pdf", "png":
         report.write(found, out / f"report.{ending}")
-    for word in (*found.notes, *(f"not determined: {word}" for word in found.undetermined)):
+    for word in (*found.notes, "not determined:", *found.undetermined):
         command.say(f"  {word}")
     try:
-        return found, found.write(out)[1]
+        return found, fabric_file.write(found, out)[1]
     except InputError as error:
         command.say(f"  no fabric.toml: {error}")
         return found, None
