@@ -11,6 +11,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+from mpi4py import MPI
 
 from fabric_fenicsx import command, fabrics, identify, results
 from fabric_fenicsx.errors import InputError
@@ -76,7 +77,9 @@ def arguments():
 
 def main():
     args = arguments()
-    out = results.folder(args.out)
+    if MPI.COMM_WORLD.rank > 0:  # nothing here is large enough to share
+        return 0
+    out = results.folder(args.out, MPI.COMM_SELF)
     if args.tests:
         _, fabric = one(args.tests, out, args.shear, args.ends or "clamped")
         command.say(f"see {out / 'report.pdf'}" + (f"; use it with --fabric {out / 'fabric.toml'}" if fabric else ""))
@@ -89,7 +92,7 @@ def main():
     )
     for name in fabrics.names() if args.fabric == "all" else [args.fabric]:
         known = fabrics.load(name)
-        folder = results.folder(out / Path(name).stem)
+        folder = results.folder(out / Path(name).stem, MPI.COMM_SELF)
         tests = synthetic.write(known, folder / "synthetic_records", args.specimens, args.noise / 100, args.seed)
         _, again = one(tests, folder, args.shear, args.ends or "free")
         miss = recovery(known, again)

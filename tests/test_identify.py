@@ -320,7 +320,7 @@ FORCES |= {"N/m": 1 / 0.0254, "gf/cm": 1 / 9.80665e-3 / 2.54, "cN": 100.0}
 STYLES = ("{} ({})", "{} [{}]", "{}_{}", "{} / {}", '"{}, {}"', "row")
 
 
-@settings(max_examples=60)
+@settings(max_examples=40)
 @given(
     st.sampled_from(list(LENGTHS)),
     st.sampled_from(list(FORCES)),
@@ -670,7 +670,7 @@ PIECES = st.sampled_from(
 )
 
 
-@settings(max_examples=300)
+@settings(max_examples=150)
 @given(st.lists(st.lists(PIECES, max_size=8), max_size=14), st.sampled_from(",;\t"), st.binary(max_size=6))
 @example([["force_N", "displacement_mm"], ["1e300", "1"]] * 9, ",", b"")
 def test_no_file_is_answered_by_anything_but_a_sentence(tmp_path_factory, rows, mark, noise):
@@ -683,7 +683,7 @@ def test_no_file_is_answered_by_anything_but_a_sentence(tmp_path_factory, rows, 
             assert re.fullmatch(r"any\.csv: [^\n]+\.", str(error))
 
 
-@settings(max_examples=100)
+@settings(max_examples=50)
 @given(seeds, st.integers(8, 60), st.sampled_from([1, 2, 3]))
 def test_any_readings_give_a_curve_or_a_sentence(seed, n, power):
     """Wild walks of displacement and force, as of a specimen that slips: the modulus is positive all the same."""
