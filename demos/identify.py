@@ -11,10 +11,11 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+from mpi4py import MPI
 
 from fabric_fenicsx import command, fabrics, identify, results
 from fabric_fenicsx.errors import InputError
-from fabric_fenicsx.identify import inverse, net, report, synthetic
+from fabric_fenicsx.identify import fabric_file, inverse, net, report, synthetic
 
 STRIP = Path(__file__).parent.parent / "meshes" / "strip.geo"
 ACCEPTED = {"warp_curve": 3.0, "weft_curve": 3.0, "shear_curve": 5.0, "nu12": 5.0, "nu21": 5.0}
@@ -49,10 +50,10 @@ def one(path, out, shear, ends):
         found = net.shear(unmarked(found))
     for ending in "pdf", "png":
         report.write(found, out / f"report.{ending}")
-    for word in (*found.notes, *(f"not determined: {word}" for word in found.undetermined)):
+    for word in (*found.notes, "not determined:", *found.undetermined):
         command.say(f"  {word}")
     try:
-        return found, found.write(out)[1]
+        return found, fabric_file.write(found, out)[1]
     except InputError as error:
         command.say(f"  no fabric.toml: {error}")
         return found, None
@@ -76,7 +77,9 @@ def arguments():
 
 def main():
     args = arguments()
-    out = results.folder(args.out)
+    if MPI.COMM_WORLD.rank > 0:  # nothing here is large enough to share
+        return 0
+    out = results.folder(args.out, MPI.COMM_SELF)
     if args.tests:
         _, fabric = one(args.tests, out, args.shear, args.ends or "clamped")
         command.say(f"see {out / 'report.pdf'}" + (f"; use it with --fabric {out / 'fabric.toml'}" if fabric else ""))
@@ -89,7 +92,7 @@ def main():
     )
     for name in fabrics.names() if args.fabric == "all" else [args.fabric]:
         known = fabrics.load(name)
-        folder = results.folder(out / Path(name).stem)
+        folder = results.folder(out / Path(name).stem, MPI.COMM_SELF)
         tests = synthetic.write(known, folder / "synthetic_records", args.specimens, args.noise / 100, args.seed)
         _, again = one(tests, folder, args.shear, args.ends or "free")
         miss = recovery(known, again)

@@ -2,7 +2,7 @@
 
     found = identify(read("tests.toml"))   # see `listing` for the list of tests, `records` for the files it names
     report.write(found, "report.pdf")      # one page
-    path, fabric = found.write(".")        # fabric.toml, as `fabrics.load` takes it
+    path, fabric = fabric_file.write(found, ".")  # fabric.toml, as `fabrics.load` takes it
 
 Only `inverse`, shear from a bias test without photographs, needs FEniCSx.
 """

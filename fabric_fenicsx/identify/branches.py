@@ -47,7 +47,8 @@ def balance(record: Record, virgin: np.ndarray) -> Record:
 
 def split(record: Record) -> Branches:
     """Virgin loading and unloading of a record of any number of cycles, monotone ones included."""
-    d, notes = record.displacement, []
+    d = record.displacement
+    notes: list[str] = []
     turns = turning_points(d, max(0.005 * np.ptp(d), 8 * noise(d)))
     virgin: list[np.ndarray] = []
     unloading: list[np.ndarray] = []
@@ -61,31 +62,35 @@ def split(record: Record) -> Branches:
         elif virgin_peak:
             unloading.append(run)
     loading = np.concatenate(virgin) if virgin else np.empty(0, dtype=int)
-    if len(loading) < 8:
-        raise InputError(
-            f"{record.file}: the displacement grows over {len(loading)} readings only, and a curve needs 8; "
-            "check the column of the displacement, or record more densely."
-        )
-
+    _enough(record, loading, "the displacement grows")
     force = _median(record.force[loading])
     top = int(force.argmax())
     if force[-1] < FALL * force[top]:
         loading = loading[: top + 1]
         unloading = [run for run in unloading if run[0] <= loading[-1]]
-        at = 1e3 * d[loading[-1]]
-        notes.append(f"{record.file}: the force falls from {at:.3g} mm on (yield or break); the curve ends there.")
-    reach = d[loading].max()
-    steps = np.diff(np.sort(d[loading]))
-    widest = int(steps.argmax())
-    at = 1e3 * np.sort(d[loading])[widest]
-    if steps[widest] > 0.25 * reach:
+        _enough(record, loading, "the force grows")
+        end = 1e3 * d[loading[-1]]
+        notes.append(f"{record.file}: the force falls from {end:.3g} mm on (yield or break); the curve ends there.")
+    return Branches(loading, unloading, (*notes, *_gap(record.file, np.sort(d[loading]))))
+
+
+def _enough(record: Record, loading: np.ndarray, what: str) -> None:
+    if len(loading) < 8:
         raise InputError(
-            f"{record.file}: the displacement has no reading between {at:.3g} and {at + 1e3 * steps[widest]:.3g} mm, "
-            "a quarter of the range or more; repeat the test, or cut the record off before the gap."
+            f"{record.file}: {what} over {len(loading)} readings only, and a curve needs 8; "
+            "check the columns of force and displacement, or record more densely."
         )
-    if steps[widest] > 0.05 * reach and steps[widest] > 5 * np.median(steps):
-        notes.append(f"{record.file}: no reading between {at:.3g} and {at + 1e3 * steps[widest]:.3g} mm.")
-    return Branches(loading, unloading, tuple(notes))
+
+
+def _gap(file: str, d: Array) -> list[str]:
+    """What to say of the widest gap between displacements (n,) in ascending order; refuses one of a quarter of all."""
+    steps = np.diff(d)
+    widest = int(steps.argmax())
+    gap = f"{file}: the displacement has no reading between {1e3 * d[widest]:.3g} and {1e3 * d[widest + 1]:.3g} mm"
+    if steps[widest] > 0.25 * d[-1]:
+        remedy = "repeat the test, or cut the record off before the gap"
+        raise InputError(f"{gap}, a quarter of the range or more; {remedy}.")
+    return [f"{gap}."] if steps[widest] > max(0.05 * d[-1], 5 * np.median(steps)) else []
 
 
 def turning_points(values: Array, threshold: float) -> list[int]:

@@ -1,13 +1,10 @@
-"""From the records of a fabric's tests to its curves, and from these to the TOML file that `fabrics.load` takes."""
+"""From the records of a fabric's tests to its curves and Poisson's ratios."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from pathlib import Path
 
 import numpy as np
 
-from .. import fabrics
-from ..errors import InputError
 from ..laws import Array
 from . import branches, curves, listing, markers, records
 from .curves import Estimate, Loading, Readings
@@ -99,47 +96,6 @@ class Identified:
             return self.tests.assumed[key]
         value, error = self.poisson[key].value, self.poisson[key].error
         return 0.0 if -2 * error < value < 0 else value
-
-    def toml(self) -> str:
-        """The fabric file; raises InputError if a curve or a ratio is neither measured nor assumed."""
-        missing = [f"the {way} curve" for way in WAYS if way not in self.curves]
-        missing += [key for key in ("nu12", "nu21") if key not in self.poisson and key not in self.tests.assumed]
-        if missing:
-            raise InputError(
-                f"{self.tests.file}: the records do not tell {', '.join(missing)}, so there is no whole fabric; "
-                "add the tests, or for a Poisson's ratio a value under [assumed]."
-            )
-        t = self.tests
-        lines = [f"# Identified by fabric_fenicsx from {t.source}.", "# ± is the standard error.", ""]
-        lines += [f'{key} = "{value}"' for key, value in t.texts.items()]
-        lines += [f"thickness_mm = {1e3 * t.strip.thickness:g}", f"density_kg_per_m3 = {t.density:g}"]
-        for way in WAYS:
-            fit = self.curves[way].loading
-            lines += ["", f"[{way}]"] + (['strain = "tensor"'] if way == "shear" else [])
-            errors = ", ".join(f"{e / 1e6:.2g}" for e in fit.errors)
-            lines += [f"loading_MPa = [{', '.join(f'{c / 1e6:.7g}' for c in fit.modulus)}]  # ± [{errors}]"]
-            measured = self.curves[way].unloading
-            word = f"± {measured.error / 1e6:.2g}" if measured else "not measured"
-            # rounded up, for it must not come to lie below the largest loading modulus
-            lines += [
-                f"unloading_MPa = {self.unloading(way) / 1e6 * (1 + 1e-6):.9g}  # {word}",
-                f"limit_strain = {fit.limit:.7g}",
-            ]
-        ratios = ", ".join(f"{key} = {self.ratio(key):.6g}" for key in ("nu12", "nu21"))
-        said = ", ".join(
-            f"{key} {self.poisson[key]}" if key in self.poisson else f"{key} assumed" for key in ("nu12", "nu21")
-        )
-        lines += ["", "[poisson]", f"measured = {{ {ratios} }}  # {said}", "", "[test]"]
-        lines += [f"gauge_length_mm = {1e3 * t.strip.gauge_length:g}", f"width_mm = {1e3 * t.strip.width:g}"]
-        lines += [f"{way}_displacement_mm = {1e3 * self.displacement[way]:.7g}" for way in ("warp", "weft", "bias")]
-        how = {way: f"{len(self.curves[way].readings)} specimens, {self.curves[way].how}" for way in WAYS}
-        return "\n".join([*lines, "", "[sources]", *(f'{way} = "{word}"' for way, word in how.items()), ""])
-
-    def write(self, folder: str | Path) -> tuple[Path, fabrics.Fabric]:
-        """Write `fabric.toml` and read it again as a user would: its path, and the fabric."""
-        path = Path(folder) / "fabric.toml"
-        path.write_text(self.toml(), encoding="utf-8")
-        return path, fabrics.load(path)
 
 
 def identify(tests: listing.Tests) -> Identified:

@@ -9,7 +9,8 @@ from scipy.spatial import Delaunay
 
 from ..errors import InputError
 from ..laws import Array
-from .records import Record, Table, read_table
+from .records import Record
+from .tables import Table, read_table
 
 STILL = 1e-3  # photographs whose displacement is below this part of the largest one show the strip at rest
 

@@ -27,9 +27,9 @@ def draw(found: Identified) -> "Figure":
                                left=0.085, right=0.975, top=0.91, bottom=0.02)  # fmt: skip
     texts, strip = found.tests.texts, found.tests.strip
     title = f"{texts['name']} ({texts['label']}): {texts['material']}, {texts['weave']}"
-    figure.text(0.05, 0.965, title, size=14, weight="bold")
+    figure.text(0.05, 0.965, title, size=14, weight="bold", parse_math=False)
     size = " x ".join(f"{1e3 * side:g}" for side in (strip.gauge_length, strip.width, strip.thickness))
-    figure.text(0.05, 0.945, f"strip {size} mm; records: {found.tests.source}", size=8)
+    figure.text(0.05, 0.945, f"strip {size} mm; records: {found.tests.source}", size=8, parse_math=False)
     for i, way in enumerate(WAYS):
         _curve(figure.add_subplot(grid[0, i]), found, way)
         _misfit(figure.add_subplot(grid[1, i]), found, way)
@@ -38,7 +38,7 @@ def draw(found: Identified) -> "Figure":
     _bias(figure.add_subplot(grid[2, 2]), found)
     axes = figure.add_subplot(grid[3, :])
     axes.axis("off")
-    axes.text(-0.05, 0.97, _table(found), family="monospace", size=7, va="top", linespacing=1.35)
+    axes.text(-0.05, 0.97, _table(found), family="monospace", size=7, va="top", linespacing=1.35, parse_math=False)
     return figure
 
 
