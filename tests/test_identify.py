@@ -580,33 +580,6 @@ def test_a_net_gives_the_shear_curve_of_its_energy(tmp_path):
     assert far.curves["shear"].loading.limit < np.sin(np.radians(55)) / 2
 
 
-def test_a_published_bias_test():
-    """Plain weave of glass, J. Cao et al. (2008): the shear stress of two sizes of strip agrees within 30 %.
-
-    There is no more in these records: no yarn test, no photograph, no way back; that is said, and no fabric is written.
-    """
-    fits = []
-    for size in "115x230", "150x450":
-        tests = listing.read(Path(__file__).parent / "data" / f"cao2008_bias_glass_plain_{size}mm.toml")
-        answer = identification.identify(tests)
-        assert {word.split(":")[0] for word in answer.undetermined} >= {
-            "warp curve",
-            "weft curve",
-            "shear curve",
-            "nu12",
-        }
-        with pytest.raises(InputError, match="the records do not tell the warp curve"):
-            fabric_file.toml(answer)
-        found = net.shear(answer)
-        assert "shear unloading: no record comes back" in " ".join(found.undetermined)
-        if size == "150x450":
-            fit = found.curves["shear"].loading
-            assert fit.residual < 0.02 and np.degrees(np.arcsin(2 * fit.limit)) == pytest.approx(55, abs=1.0)
-        one = found.curves["shear"].readings[0]
-        fits.append(np.interp(np.sin(np.radians([20, 25, 30, 35, 40])) / 2, one.strain, one.stress))
-    assert np.abs(fits[0] / fits[1] - 1).max() < 0.3
-
-
 def test_the_simulated_strip_finds_the_shear_curve(found):
     """Forces of a coarse strip of a known fabric, ends free to contract, come back as its shear curve and unloading."""
     known, (answer, _) = fabrics.load("muslin"), found("muslin", specimens=1, noise=0)
