@@ -10,13 +10,15 @@ from mpi4py import MPI
 from dolfinx import fem
 from dolfinx.fem import petsc as fempetsc
 from petsc4py import PETSc
+from ufl.algorithms import expand_derivatives
 from ufl.form import Form
 
 from .continuation import Step as Step
 from .continuation import march as march
 from .directors import ShellSpace
 from .errors import StepFailed
-from .hook import LawHook, derive, forget_traversals
+from .hook import LawHook, derive, forget_traversals, plain
+from .stiffness import InternalWork
 
 _prefix = itertools.count()
 
@@ -42,24 +44,27 @@ class StaticSolver:
     residual: UFL form, a sum of the terms of `weakform`, linear in a test function. u: the unknown; for
     a shell, (u, d) of `space`, whose directors the solver then turns. bcs: Dirichlet conditions on the
     space of u, whose values may change between solves. hooks: every `LawHook` whose stress is in
-    the residual. rtol: a step is solved when the residual at the free unknowns is below rtol times the
-    largest internal or support force so far, or the last correction below 1e-9 of the displacement.
-    options: PETSc options, over `OPTIONS`.
+    the residual. works: internal work of a shell that is added to the residual, with its hooks, and its stiffness in
+    batches; where nothing else is, the residual is 0. rtol: a step is solved when the residual at the free unknowns
+    is below rtol times the largest internal or support force so far, or the last correction below 1e-9 of the
+    displacement. options: PETSc options, over `OPTIONS`.
 
     The SNES itself is `snes`; the compiled forms are `residual_form` and `jacobian_form`.
     """
 
     def __init__(
         self,
-        residual: Form,
+        residual: Form | int,
         u: fem.Function,
         bcs: Sequence[fem.DirichletBC],
         hooks: Sequence[LawHook] = (),
         rtol: float = 1e-6,
         options: dict[str, object] | None = None,
         space: ShellSpace | None = None,
+        works: Sequence[InternalWork] = (),
     ) -> None:
-        self.u, self.hooks, self.rtol, self._shell = u, tuple(hooks), rtol, space
+        self.u, self.rtol, self._shell, self._works = u, rtol, space, tuple(works)
+        self.hooks = (*hooks, *(work.hook for work in works if work.hook is not None))
         self._bcs = list(bcs)
         self.comm = u.function_space.mesh.comm
         # what the solver solves for: u itself, or displacement and angles of a shell
@@ -70,14 +75,21 @@ class StaticSolver:
         self._fault: Exception | None = None
         self.residuals: list[float] = []
         """Norms of the residual in the last solve, N."""
-        form, jacobian = (fem.form(f) for f in derive(residual, u, self.hooks))
-        self.residual_form, self.jacobian_form = form, jacobian
+        parts = [plain(work.form) for work in works]
+        self.jacobian_form: fem.Form | None = None
+        if isinstance(residual, Form):
+            force, jacobian = derive(residual, u, tuple(hooks))
+            parts.append(force)
+            # dead loads have no derivative
+            jacobian = expand_derivatives(jacobian)
+            self.jacobian_form = fem.form(jacobian) if jacobian.integrals() else None
+        self.residual_form = fem.form(sum(parts[1:], parts[0]))
         self._force = fempetsc.create_vector(u.function_space)
         self._x, self._b = (fempetsc.create_vector(self._y.function_space) for _ in range(2))
         every = np.arange(self._x.local_size) if space is None else np.array(space.W.sub(0).collapse()[1])
         self.displacements = every[every < self._x.local_size]
         """Owned unknowns that are displacements: of a shell, all but the angles."""
-        self._K = self._A = fempetsc.create_matrix(jacobian)
+        self._K = self._A = self._matrix()
         if space is None:
             owned = [dofs[:size] for dofs, size in (bc.dof_indices() for bc in bcs)]
             self._given = np.unique(np.concatenate([np.empty(0, dtype=np.int32), *owned]))
@@ -85,8 +97,7 @@ class StaticSolver:
             self._given = space.supports(self._bcs)
             self._transformation = space.turn(self._y, u)
             # the pattern of the product is made once, from a matrix that has its entries
-            fempetsc.assemble_matrix(self._K, jacobian)
-            self._K.assemble()
+            self.assemble_stiffness()
             self._A = self._K.ptap(self._transformation)
         self._A.setOption(PETSc.Mat.Option.KEEP_NONZERO_PATTERN, True)
         dofmap = self._y.function_space.dofmap
@@ -148,10 +159,31 @@ class StaticSolver:
         met = np.abs(gap).max(initial=0.0) <= 1e-10 * x.norm(PETSc.NormType.NORM_INFINITY)
         self._met = self.comm.allreduce(bool(met), MPI.LAND)
 
-    def _jacobian(self, snes: PETSc.SNES, x: PETSc.Vec, A: PETSc.Mat, P: PETSc.Mat) -> None:
-        self._K.zeroEntries()
-        fempetsc.assemble_matrix(self._K, self.jacobian_form)
+    def _matrix(self) -> PETSc.Mat:
+        """An empty matrix in the space of u."""
+        if not self._works:
+            return fempetsc.create_matrix(self.jacobian_form)
+        index_map, matrix = self.u.function_space.dofmap.index_map, PETSc.Mat().create(self.comm)
+        matrix.setSizes([[index_map.size_local, index_map.size_global]] * 2)
+        matrix.setType(PETSc.Mat.Type.AIJ)
+        everywhere = index_map.local_to_global(np.arange(index_map.size_local + index_map.num_ghosts, dtype=np.int32))
+        matrix.setLGMap(PETSc.LGMap().create(everywhere.astype(PETSc.IntType), comm=self.comm))
+        rows, columns = (np.concatenate(parts) for parts in zip(*(work.places() for work in self._works), strict=True))
+        matrix.setPreallocationCOO(rows, columns)
+        return matrix
+
+    def assemble_stiffness(self) -> None:
+        """Derivative of the residual by u, before any condition."""
+        if self._works:
+            self._K.setValuesCOO(np.concatenate([work.stiffness().ravel() for work in self._works]))
+        else:
+            self._K.zeroEntries()
+        if self.jacobian_form is not None:
+            fempetsc.assemble_matrix(self._K, self.jacobian_form)
         self._K.assemble()
+
+    def _jacobian(self, snes: PETSc.SNES, x: PETSc.Vec, A: PETSc.Mat, P: PETSc.Mat) -> None:
+        self.assemble_stiffness()
         if self._shell is not None:
             self._K.ptap(self._transformation, result=A)
             self._shell.add_curvature(A, self._force)
