@@ -148,7 +148,7 @@ def derive(residual: Form, u: fem.Function, hooks: tuple[LawHook, ...]) -> tuple
         raise InputError("The residual holds the stress of a law whose hook the solver was not given.")
     for hook in hooks:
         hook.adopt(operators)
-    return residual, jacobian
+    return residual, expand_derivatives(jacobian)
 
 
 def forget_traversals() -> None:

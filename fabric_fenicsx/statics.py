@@ -10,7 +10,6 @@ from mpi4py import MPI
 from dolfinx import fem
 from dolfinx.fem import petsc as fempetsc
 from petsc4py import PETSc
-from ufl.algorithms import expand_derivatives
 from ufl.form import Form
 
 from .continuation import Step as Step
@@ -18,7 +17,7 @@ from .continuation import march as march
 from .directors import ShellSpace
 from .errors import StepFailed
 from .hook import LawHook, derive, forget_traversals, plain
-from .stiffness import InternalWork
+from .stiffness import InternalWork, matrix
 
 _prefix = itertools.count()
 
@@ -80,16 +79,14 @@ class StaticSolver:
         if isinstance(residual, Form):
             force, jacobian = derive(residual, u, tuple(hooks))
             parts.append(force)
-            # dead loads have no derivative
-            jacobian = expand_derivatives(jacobian)
-            self.jacobian_form = fem.form(jacobian) if jacobian.integrals() else None
+            self.jacobian_form = fem.form(jacobian) if jacobian.integrals() else None  # dead loads have none
         self.residual_form = fem.form(sum(parts[1:], parts[0]))
         self._force = fempetsc.create_vector(u.function_space)
         self._x, self._b = (fempetsc.create_vector(self._y.function_space) for _ in range(2))
         every = np.arange(self._x.local_size) if space is None else np.array(space.W.sub(0).collapse()[1])
         self.displacements = every[every < self._x.local_size]
         """Owned unknowns that are displacements: of a shell, all but the angles."""
-        self._K = self._A = self._matrix()
+        self._K = self._A = matrix(self._works) if works else fempetsc.create_matrix(self.jacobian_form)
         if space is None:
             owned = [dofs[:size] for dofs, size in (bc.dof_indices() for bc in bcs)]
             self._given = np.unique(np.concatenate([np.empty(0, dtype=np.int32), *owned]))
@@ -121,8 +118,8 @@ class StaticSolver:
             # a stiffness has a diagonal: look for no other, and scale by it; a tenth to a fifth of the time
             self.snes.ksp.setOperators(self._A)
             pc.setFactorSetUpSolverType()
-            for control, value in ((6, 0), (8, 1)):
-                pc.getFactorMatrix().setMumpsIcntl(control, value)
+            pc.getFactorMatrix().setMumpsIcntl(6, 0)
+            pc.getFactorMatrix().setMumpsIcntl(8, 1)
         # a step that ends in NaN would pass for converged where the correction before it was small
         self.snes.setTolerances(stol=0.0)
         forget_traversals()
@@ -166,25 +163,11 @@ class StaticSolver:
         met = np.abs(gap).max(initial=0.0) <= 1e-10 * x.norm(PETSc.NormType.NORM_INFINITY)
         self._met = self.comm.allreduce(bool(met), MPI.LAND)
 
-    def _matrix(self) -> PETSc.Mat:
-        """An empty matrix in the space of u."""
-        if not self._works:
-            return fempetsc.create_matrix(self.jacobian_form)
-        index_map, matrix = self.u.function_space.dofmap.index_map, PETSc.Mat().create(self.comm)
-        matrix.setSizes([[index_map.size_local, index_map.size_global]] * 2)
-        matrix.setType(PETSc.Mat.Type.AIJ)
-        everywhere = index_map.local_to_global(np.arange(index_map.size_local + index_map.num_ghosts, dtype=np.int32))
-        matrix.setLGMap(PETSc.LGMap().create(everywhere.astype(PETSc.IntType), comm=self.comm))
-        rows, columns = (np.concatenate(parts) for parts in zip(*(work.places() for work in self._works), strict=True))
-        matrix.setPreallocationCOO(rows, columns)
-        return matrix
-
     def assemble_stiffness(self) -> None:
         """Derivative of the residual by u, before any condition."""
+        self._K.zeroEntries()
         if self._works:
             self._K.setValuesCOO(np.concatenate([work.stiffness().ravel() for work in self._works]))
-        else:
-            self._K.zeroEntries()
         if self.jacobian_form is not None:
             fempetsc.assemble_matrix(self._K, self.jacobian_form)
         self._K.assemble()

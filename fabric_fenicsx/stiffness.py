@@ -10,6 +10,8 @@ derivatives of the strains, and with the tangent C and the stress N of the law a
     K_ik,jl = sum over points of  w (B_a,ik C_ab B_b,jl + N_a S_a,ij delta_kl).
 """
 
+from collections.abc import Sequence
+
 import basix
 import numba
 import numpy as np
@@ -99,9 +101,22 @@ class InternalWork:
 
     def places(self) -> tuple[Array, Array]:
         """Global rows and columns of the entries of `stiffness`, flat."""
-        dofs = self.q.function_space.dofmap.index_map.local_to_global(self._dofs.ravel()).astype(PETSc.IntType)
+        dofs = self.q.function_space.dofmap.index_map.local_to_global(self._dofs.ravel())
         dofs, width = dofs.reshape(self._dofs.shape), self._dofs.shape[1]
         return np.repeat(dofs, width, axis=1).ravel(), np.tile(dofs, (1, width)).ravel()
+
+
+def matrix(works: Sequence[InternalWork]) -> PETSc.Mat:
+    """An empty matrix in the space of (u, d), to be filled by `setValuesCOO` with what `stiffness` of each gives."""
+    space = works[0].q.function_space
+    index_map, result = space.dofmap.index_map, PETSc.Mat().create(space.mesh.comm)
+    result.setSizes([[index_map.size_local, index_map.size_global]] * 2)
+    result.setType(PETSc.Mat.Type.AIJ)
+    everywhere = index_map.local_to_global(np.arange(index_map.size_local + index_map.num_ghosts, dtype=np.int32))
+    result.setLGMap(PETSc.LGMap().create(everywhere.astype(PETSc.IntType), comm=space.mesh.comm))
+    rows, columns = (np.concatenate(parts) for parts in zip(*(work.places() for work in works), strict=True))
+    result.setPreallocationCOO(rows.astype(PETSc.IntType), columns.astype(PETSc.IntType))
+    return result
 
 
 @numba.njit(cache=True, error_model="numpy", fastmath={"reassoc", "contract", "nsz"})

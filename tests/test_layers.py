@@ -25,6 +25,7 @@ ROOMS = [
     {"supports"},
     {"hook"},
     {"weakform"},
+    {"stiffness"},
     {"continuation"},
     {"statics", "dynamics"},
     {"results"},
@@ -33,7 +34,7 @@ ROOMS = [
 ]
 LEVEL = {room: level for level, rooms in enumerate(ROOMS) for room in rooms}
 FENICS = {"dolfinx", "ufl", "basix", "ffcx", "dolfinx_external_operator", "petsc4py", "mpi4py", "gmsh", "meshio"}
-PETSC = {"statics", "dynamics", "directors"}  # directors hand the solver a matrix that turns increments
+PETSC = {"statics", "dynamics", "directors", "stiffness"}  # the last two hand the solver a matrix
 FILES = [path for path in sorted(PACKAGE.rglob("*.py")) if path.parent != PACKAGE or path.name != "__init__.py"]
 every_file = pytest.mark.parametrize("path", FILES, ids=lambda path: str(path.relative_to(PACKAGE)))
 
