@@ -35,7 +35,7 @@ def scene(args, comm=MPI.COMM_WORLD):
     moved = motion.Motion(
         cloth.q, cloth.mass(areal_mass, not args.no_rotary), cloth.shell, rho=args.rho, damping=args.damping
     )
-    run = moving.runner(args, moved, cloth.internal - weight, bcs, cloth)
+    run = moving.runner(args, moved, weight, bcs, cloth)
     ledger = energy.Ledger(run, weight, cloth.stored, [(hook, 1.0) for hook in cloth.hooks])
     probes = {"center_z_m": moving.value_at(cloth, 2, "centre")}
     name, made_with = f"drape of {fabric.name}", moving.settings("drape", args, f"patch {args.patch}")

@@ -59,11 +59,11 @@ def add_arguments(parser, end, rho):
     parser.add_argument("--animation", action="store_true", help="a gif of 50 frames")
 
 
-def runner(args, moved, residual, bcs, cloth, set_load=lambda t: None):
-    """The time integrator that the command line asks for; explicit steps are of its own choice."""
+def runner(args, moved, loads, bcs, cloth, set_load=lambda t: None):
+    """The time integrator that the command line asks for; loads: virtual work of forces, a form or 0."""
     if args.method == "implicit":
-        return dynamics.Newmark(moved, residual, bcs, cloth.hooks, set_load, rtol=args.rtol)
-    run = explicit.CentralDifference(moved, residual, bcs, cloth.hooks, set_load)
+        return dynamics.Newmark(moved, -loads, bcs, (), set_load, rtol=args.rtol, works=cloth.works)
+    run = explicit.CentralDifference(moved, cloth.internal - loads, bcs, cloth.hooks, set_load)
     command.say(f"stable step {run.stable * 1e6:.3g} us; inertia of directors times {run.rotary:.3g}")
     return run
 

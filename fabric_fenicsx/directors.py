@@ -31,9 +31,10 @@ ELEMENTS = {
 
 "regge" is the default on triangles, quadratic in displacement, with directors at the middles of the edges;
 "p2cr1" is the same with the strain of the displacement itself, which locks. "mitc4" is the default on
-quadrilaterals, bilinear, with assumed shear and membrane strains (see `assumed_strain`). "q1" is the
-thesis's element, with the strains of the displacement and transverse shear at one point: it locks on skewed
-meshes, and a pattern of a free sheet, nodes that go up and down by turns, costs it no energy.
+quadrilaterals, bilinear, with assumed shear and membrane strains (see `assumed_strain`); below a thickness of 1e-4
+of the length it needs a fine mesh or a regular one. "q1" is the thesis's element, with the strains of the
+displacement and transverse shear at one point: it locks on skewed meshes, and a pattern of a sheet, nodes that go up
+and down by turns, costs it no energy; pins at the corners may not stop it.
 """
 
 ASKEW = 0.3

@@ -21,6 +21,7 @@ from .errors import InputError, StepFailed
 from .hook import LawHook
 from .laws import Array
 from .motion import Motion, MovingSolver
+from .stiffness import InternalWork
 
 OPTIONS = {"snes_linesearch_type": "secant", "snes_max_it": 30}
 """Over those of `statics`: a sheet that unloads is full of kinks, where full steps overshoot.
@@ -33,7 +34,7 @@ class Newmark:
     """M a + residual(q, velocity) = 0 at the end of every step; a Python type of PETSc's TS, which is `ts`.
 
     motion: the unknown and its rule. residual: UFL form, terms of `weakform` less the loads, without inertia. bcs,
-    hooks, rtol, options: as for `statics.StaticSolver`, which is `solver`. set_load(t): puts loads and Dirichlet
+    hooks, works, rtol, options: as for `statics.StaticSolver`, which is `solver`. set_load(t): puts loads and Dirichlet
     values at time t (s) into the scene; it is also asked a step beyond the end, since velocity and
     acceleration of what is moved come from differences. start: time, s.
 
@@ -46,7 +47,7 @@ class Newmark:
     def __init__(
         self,
         motion: Motion,
-        residual: Form,
+        residual: Form | int,
         bcs: Sequence[fem.DirichletBC],
         hooks: Sequence[LawHook] = (),
         set_load: Callable[[float], None] = lambda t: None,
@@ -54,9 +55,10 @@ class Newmark:
         options: dict[str, object] | None = None,
         start: float = 0.0,
         accuracy: float = 1e-3,
+        works: Sequence[InternalWork] = (),
     ) -> None:
         self.motion, self.set_load, self.accuracy = motion, set_load, accuracy
-        self.solver = MovingSolver(motion, residual, bcs, hooks, rtol, OPTIONS | (options or {}))
+        self.solver = MovingSolver(motion, residual, bcs, hooks, rtol, OPTIONS | (options or {}), works)
         self.comm, self.time, self.number = self.solver.comm, start, 0
         self._bcs = list(bcs)
         motion.given = np.unique(np.concatenate([np.empty(0, np.int32), *(bc.dof_indices()[0] for bc in bcs)]))

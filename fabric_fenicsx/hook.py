@@ -83,18 +83,26 @@ class LawHook:
             )
         self._tangents += [op.ref_coefficient for op in found]
 
+    @property
+    def resultants(self) -> Array:
+        """Stress at the last evaluation, shape (cells, points of a cell, components)."""
+        return self.stress.ref_coefficient.x.array.reshape(self.strain.shape)
+
+    @property
+    def tangent(self) -> Array:
+        """Tangent at the last evaluation, shape (cells, points of a cell, components, components)."""
+        shape = (*self.strain.shape, self.strain.shape[-1])
+        if self._tangents:
+            return self._tangents[0].x.array.reshape(shape)
+        if self._spare is None:
+            self._spare = np.empty(shape)
+        return self._spare
+
     def evaluate(self) -> bool:
         """Strain, then stress, tangent and trial state from the committed one; False if one is not finite."""
         n = self.strain.shape[-1]
         self._strain.eval(self.mesh, self._cells, self.strain)
-        stress = self.stress.ref_coefficient.x.array.reshape(-1, n)
-        if self._tangents:
-            tangent = self._tangents[0].x.array.reshape(-1, n, n)
-        else:
-            # nobody asks for it, but a law gives it all the same
-            if self._spare is None:
-                self._spare = np.empty((len(stress), n, n))
-            tangent = self._spare
+        stress, tangent = self.resultants.reshape(-1, n), self.tangent.reshape(-1, n, n)
         history = self.history
         self.law.respond(self.strain.reshape(-1, n), history.committed, (stress, tangent, history.trial))
         for copy in self._tangents[1:]:
@@ -117,7 +125,7 @@ class LawHook:
         size = np.abs(self.strain[: self._owned]).max(axis=2)
         if not size.size:
             return -1.0, ""
-        stress = self.stress.ref_coefficient.x.array.reshape(self.strain.shape)[: self._owned]
+        stress = self.resultants[: self._owned]
         size[~(np.isfinite(size) & np.isfinite(stress).all(axis=2))] = np.inf
         cell, point = np.unravel_index(np.argmax(size), size.shape)
         number = self.mesh.topology.original_cell_index[cell]
@@ -125,6 +133,11 @@ class LawHook:
         strain = ", ".join(f"{value:.3g}" for value in self.strain[cell, point])
         where = ", ".join(f"{x:.4g}" for x in middle[: self.mesh.geometry.dim])
         return float(size[cell, point]), f"cell {number} at ({where}) m, point {point}: strain ({strain})"
+
+
+def plain(residual: Form) -> Form:
+    """A residual with hooks in plain coefficients that the hooks fill."""
+    return replace_external_operators(expand_derivatives(residual))[0]
 
 
 def derive(
@@ -145,7 +158,7 @@ def derive(
         raise InputError("The residual holds the stress of a law whose hook the solver was not given.")
     for hook in hooks:
         hook.adopt(operators)
-    return residual, jacobian
+    return residual, expand_derivatives(jacobian)
 
 
 def forget_traversals() -> None:

@@ -26,6 +26,7 @@ from .errors import InputError
 from .hook import LawHook
 from .laws import Array
 from .statics import StaticSolver
+from .stiffness import InternalWork
 
 
 class Motion:
@@ -174,14 +175,15 @@ class MovingSolver(StaticSolver):
     def __init__(
         self,
         motion: Motion,
-        residual: Form,
+        residual: Form | int,
         bcs: Sequence[fem.DirichletBC],
         hooks: Sequence[LawHook] = (),
         rtol: float = 1e-4,
         options: dict[str, object] | None = None,
+        works: Sequence[InternalWork] = (),
     ) -> None:
         self.motion, self.rate = motion, (motion.velocity, motion.rate)
-        super().__init__(residual, motion.q, bcs, hooks, rtol, options, motion.space)
+        super().__init__(residual, motion.q, bcs, hooks, rtol, options, motion.space, works)
 
     def _take(self, x: PETSc.Vec) -> None:
         super()._take(x)
@@ -199,7 +201,7 @@ class MovingSolver(StaticSolver):
         self._size = max(self._size, self._inertia)
 
     def _add_to_jacobian(self, K: PETSc.Mat) -> None:
-        K.axpy(self.motion.shift, self.motion.mass, PETSc.Mat.Structure.SAME_NONZERO_PATTERN)
+        K.axpy(self.motion.shift, self.motion.mass, PETSc.Mat.Structure.SUBSET_NONZERO_PATTERN)
 
     def commit(self) -> None:
         """Accept the present u and its motion."""

@@ -14,6 +14,7 @@ from .errors import InputError
 from .hook import LawHook
 from .laws import Law, section
 from .meshing import Domain
+from .stiffness import InternalWork
 
 
 class Sheet:
@@ -25,7 +26,8 @@ class Sheet:
 
     Raises InputError. Public: `domain`, `q` (unknown: displacement, or displacement and director), `test`,
     `u` and `v` (the displacement's part of both, for loads), `space` (for `supports`), `shell` (a ShellSpace or
-    None), `dx`, `strain`, `internal` (Form), `stored` (Form of the energy outside of hooks, or None), `hooks`.
+    None), `dx`, `strain`, `internal` (Form), `stored` (Form of the energy outside of hooks), `hooks`; and `works`,
+    which a shell's solver takes in place of `internal` and `hooks`, for a stiffness that needs no compiling.
     """
 
     def __init__(
@@ -46,6 +48,7 @@ class Sheet:
         self.domain, self.law, self.thickness = domain, law, float(thickness)
         self.internal, self.stored = Form([]), Form([])
         self.hooks: list[LawHook] = []
+        self.works: list[InternalWork] = []
         self.shell: directors.ShellSpace | None = None
         self._strain: fem.Expression | None = None
         build = self._build_shell if kinematics == "shell" else self._build_membrane
@@ -63,13 +66,23 @@ class Sheet:
         self.dx = space.dx
         self.strain, across = assumed_strain.shell_strains(space, self.q, warp)
         through = section.Section(self.law, self.thickness, layers)
-        stiffness = getattr(self.law, "stiffness", None)
-        self._add(through, None if stiffness is None else through.elastic(stiffness), 1.0, directors.DEGREE)
         # bilinear cells do not need the limit; where a sheet is thrown about, a loosely held director turns over
         reach = weakform.SHEAR_REACH if mesh.basix_cell().name == "triangle" else 0.0
-        force = ufl.dot(weakform.shear_stiffness(mesh, shear, h, reach), across)
-        self.internal += weakform.internal(force, across, self.q, self.test, 1.0, space.dx_shear)
-        self.stored += weakform.stored(force, across, 1.0, space.dx_shear)
+        across_stiffness = weakform.shear_stiffness(mesh, shear, h, reach)
+        linear = getattr(self.law, "stiffness", None)
+        stress: LawHook | Expr
+        if linear is None:
+            stress = LawHook(through, self.strain, mesh, directors.DEGREE)
+            self.hooks.append(stress)
+        else:
+            stress = fem.Constant(mesh, through.elastic(linear))
+            self.stored += weakform.stored(ufl.dot(stress, self.strain), self.strain, 1.0, self.dx)
+        self.stored += weakform.stored(ufl.dot(across_stiffness, across), across, 1.0, space.dx_shear)
+        self.works = [
+            InternalWork(space, self.q, self.strain, stress, self.dx),
+            InternalWork(space, self.q, across, across_stiffness, space.dx_shear),
+        ]
+        self.internal = self.works[0].form + self.works[1].form
 
     def _build_membrane(
         self, warp: Sequence[float] | Expr, element: str | None, layers: int, shear: tuple[float, float] | None
@@ -82,19 +95,14 @@ class Sheet:
         self.dx = ufl.Measure("dx", mesh, metadata={"quadrature_degree": 2, "quadrature_scheme": "default"})
         self.strain = kinematics.membrane_strain(self.u, frame.surface_axes(mesh, warp, 2))
         h = fem.Constant(mesh, self.thickness)
-        self._add(self.law, getattr(self.law, "stiffness", None), h, 2)
-
-    def _add(self, law: Law, stiffness: np.ndarray | None, factor: Expr | float, degree: int) -> None:
-        """The work of a law, in plain UFL if it is linear."""
-        if stiffness is None:
-            hook = LawHook(law, self.strain, self.domain.mesh, degree)
-            self.hooks.append(hook)
-            stress = hook.stress
-            self.internal += weakform.internal(stress, self.strain, self.q, self.test, factor, hook.dx)
+        linear = getattr(self.law, "stiffness", None)
+        if linear is None:
+            self.hooks.append(LawHook(self.law, self.strain, mesh, 2))
+            stress, dx = self.hooks[0].stress, self.hooks[0].dx
         else:
-            stress = weakform.elastic_stress(self.domain.mesh, stiffness, self.strain)
-            self.internal += weakform.internal(stress, self.strain, self.q, self.test, factor, self.dx)
-            self.stored += weakform.stored(stress, self.strain, factor, self.dx)
+            stress, dx = weakform.elastic_stress(mesh, linear, self.strain), self.dx
+            self.stored = weakform.stored(stress, self.strain, h, dx)
+        self.internal = weakform.internal(stress, self.strain, self.q, self.test, h, dx)
 
     def cell_strain(self) -> np.ndarray:
         """Mean strain over each local cell, in the components of `strain`; of a hook, at its last evaluation."""

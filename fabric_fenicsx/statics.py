@@ -16,7 +16,8 @@ from .continuation import Step as Step
 from .continuation import march as march
 from .directors import ShellSpace
 from .errors import StepFailed
-from .hook import LawHook, derive, forget_traversals
+from .hook import LawHook, derive, forget_traversals, plain
+from .stiffness import InternalWork, factorise_by_diagonal, matrix
 
 _prefix = itertools.count()
 
@@ -42,8 +43,9 @@ class StaticSolver:
     residual: UFL form, a sum of the terms of `weakform`, linear in a test function. u: the unknown; for
     a shell, (u, d) of `space`, whose directors the solver then turns. bcs: Dirichlet conditions on the
     space of u, whose values may change between solves. hooks: every `LawHook` whose stress is in
-    the residual. rtol: a step is solved when the residual at the free unknowns is below rtol times the
-    largest internal or support force so far, or the last correction below 1e-9 of the displacement.
+    the residual. works: internal work of a shell that is added to the residual, hooks and all, with its stiffness in
+    batches; the rest of the residual may be 0. rtol: a step is solved when the residual at the free unknowns is below
+    rtol times the largest internal or support force so far, or the last correction below 1e-9 of the displacement.
     options: PETSc options, over `OPTIONS`.
 
     The SNES itself is `snes`; the compiled forms are `residual_form` and `jacobian_form`.
@@ -51,15 +53,17 @@ class StaticSolver:
 
     def __init__(
         self,
-        residual: Form,
+        residual: Form | int,
         u: fem.Function,
         bcs: Sequence[fem.DirichletBC],
         hooks: Sequence[LawHook] = (),
         rtol: float = 1e-6,
         options: dict[str, object] | None = None,
         space: ShellSpace | None = None,
+        works: Sequence[InternalWork] = (),
     ) -> None:
-        self.u, self.hooks, self.rtol, self._shell = u, tuple(hooks), rtol, space
+        self.u, self.rtol, self._shell, self._works = u, rtol, space, tuple(works)
+        self.hooks = (*hooks, *(work.hook for work in works if work.hook is not None))
         self._bcs = list(bcs)
         self.comm = u.function_space.mesh.comm
         # what the solver solves for: u itself, or displacement and angles of a shell
@@ -70,14 +74,19 @@ class StaticSolver:
         self._fault: Exception | None = None
         self.residuals: list[float] = []
         """Norms of the residual in the last solve, N."""
-        form, jacobian = (fem.form(f) for f in derive(residual, u, self.hooks, self.rate))
-        self.residual_form, self.jacobian_form = form, jacobian
+        parts = [plain(work.form) for work in works]
+        self.jacobian_form: fem.Form | None = None
+        if isinstance(residual, Form):
+            force, jacobian = derive(residual, u, tuple(hooks), self.rate)
+            parts.append(force)
+            self.jacobian_form = fem.form(jacobian) if jacobian.integrals() else None  # dead loads have none
+        self.residual_form = fem.form(sum(parts[1:], parts[0]))
         self._force = fempetsc.create_vector(u.function_space)
         self._x, self._b = (fempetsc.create_vector(self._y.function_space) for _ in range(2))
         every = np.arange(self._x.local_size) if space is None else np.array(space.W.sub(0).collapse()[1])
         self.displacements = every[every < self._x.local_size]
         """Owned unknowns that are displacements: of a shell, all but the angles."""
-        self._K = self._A = fempetsc.create_matrix(jacobian)
+        self._K = self._A = matrix(self._works) if works else fempetsc.create_matrix(self.jacobian_form)
         if space is None:
             owned = [dofs[:size] for dofs, size in (bc.dof_indices() for bc in bcs)]
             self._given = np.unique(np.concatenate([np.empty(0, dtype=np.int32), *owned]))
@@ -85,8 +94,7 @@ class StaticSolver:
             self._given = space.supports(self._bcs)
             self._transformation = space.turn(self._y, u)
             # the pattern of the product is made once, from a matrix that has its entries
-            fempetsc.assemble_matrix(self._K, jacobian)
-            self._K.assemble()
+            self.assemble_stiffness()
             self._A = self._K.ptap(self._transformation)
         self._A.setOption(PETSc.Mat.Option.KEEP_NONZERO_PATTERN, True)
         dofmap = self._y.function_space.dofmap
@@ -105,6 +113,7 @@ class StaticSolver:
         for name, value in (OPTIONS | (options or {})).items():
             store[name] = value
         self.snes.setFromOptions()
+        factorise_by_diagonal(self.snes.ksp, self._A)
         # a step that ends in NaN would pass for converged where the correction before it was small
         self.snes.setTolerances(stol=0.0)
         forget_traversals()
@@ -148,11 +157,18 @@ class StaticSolver:
         met = np.abs(gap).max(initial=0.0) <= 1e-10 * x.norm(PETSc.NormType.NORM_INFINITY)
         self._met = self.comm.allreduce(bool(met), MPI.LAND)
 
-    def _jacobian(self, snes: PETSc.SNES, x: PETSc.Vec, A: PETSc.Mat, P: PETSc.Mat) -> None:
+    def assemble_stiffness(self) -> None:
+        """Derivative of the residual by u, before any condition."""
         self._K.zeroEntries()
-        fempetsc.assemble_matrix(self._K, self.jacobian_form)
+        if self._works:
+            self._K.setValuesCOO(np.concatenate([work.stiffness().ravel() for work in self._works]))
+        if self.jacobian_form is not None:
+            fempetsc.assemble_matrix(self._K, self.jacobian_form)
         self._K.assemble()
         self._add_to_jacobian(self._K)
+
+    def _jacobian(self, snes: PETSc.SNES, x: PETSc.Vec, A: PETSc.Mat, P: PETSc.Mat) -> None:
+        self.assemble_stiffness()
         if self._shell is not None:
             self._K.ptap(self._transformation, result=A)
             self._shell.add_curvature(A, self._force)

@@ -5,6 +5,7 @@ import functools
 import basix
 import numpy as np
 import scenes
+import scipy.sparse
 import ufl
 from mpi4py import MPI
 from dolfinx import fem
@@ -13,6 +14,7 @@ from fabric_fenicsx import assumed_strain, directors, fabrics, hook, meshing, st
 from fabric_fenicsx.laws.section import Section
 from fabric_fenicsx.laws.svk import StVenantKirchhoff
 from fabric_fenicsx.laws.woven import Woven
+from fabric_fenicsx.stiffness import InternalWork
 
 FABRIC = fabrics.load("blend")
 WOVEN, STIFFNESS = Woven(FABRIC), StVenantKirchhoff.from_fabric(FABRIC).stiffness
@@ -54,16 +56,19 @@ class Shell:
         self.fabric = hook.LawHook(Section(law, thickness, 3), strain, domain, directors.DEGREE)
         G = law.respond(np.zeros((1, 3)), law.initial_state[None])[1][0, 2, 2]
         stiffness = weakform.shear_stiffness(domain, (G, ratio * G), fem.Constant(domain, thickness))
-        self.residual = weakform.internal(self.fabric.stress, strain, self.q, test, 1.0, space.dx)
-        self.residual += weakform.internal(ufl.dot(stiffness, shear), shear, self.q, test, 1.0, space.dx_shear)
+        self.works = [
+            InternalWork(space, self.q, strain, self.fabric, space.dx),
+            InternalWork(space, self.q, shear, stiffness, space.dx_shear),
+        ]
+        self.residual = 0
         if load is not None:
             f, v = fem.Function(space.V.sub(0).collapse()[0]), ufl.split(test)[0]
             f.interpolate(load)
-            self.residual -= weakform.surface_traction(f, v, ufl.dx(domain, metadata={"quadrature_degree": 4}))
+            self.residual = -weakform.surface_traction(f, v, ufl.dx(domain, metadata={"quadrature_degree": 4}))
         self.shear = shear
 
     def solver(self, bcs=()):
-        return statics.StaticSolver(self.residual, self.q, bcs, [self.fabric], space=self.space)
+        return statics.StaticSolver(self.residual, self.q, bcs, space=self.space, works=self.works)
 
     @functools.cached_property
     def free(self):
@@ -104,7 +109,9 @@ class Shell:
     def stiffness(self):
         """Tangent at rest in V, a SciPy matrix."""
         self.strains(self.space.function().x.array)
-        return fem.assemble_matrix(self.free.jacobian_form).to_scipy()
+        self.free.assemble_stiffness()
+        indptr, indices, entries = self.free._K.getValuesCSR()
+        return scipy.sparse.csr_array((entries, indices, indptr))
 
     @property
     def stress(self):

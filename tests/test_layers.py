@@ -25,6 +25,7 @@ ROOMS = [
     {"supports"},
     {"hook"},
     {"weakform"},
+    {"stiffness"},
     {"continuation"},
     {"statics"},
     {"motion"},
@@ -40,8 +41,8 @@ ROOMS = [
 ]
 LEVEL = {room: level for level, rooms in enumerate(ROOMS) for room in rooms}
 FENICS = {"dolfinx", "ufl", "basix", "ffcx", "dolfinx_external_operator", "petsc4py", "mpi4py", "gmsh", "meshio"}
-# directors hand the solver a matrix that turns increments
-PETSC = {"directors", "statics", "motion", "dynamics", "explicit", "energy"}
+# directors and stiffness hand the solver a matrix
+PETSC = {"directors", "stiffness", "statics", "motion", "dynamics", "explicit", "energy"}
 FILES = [path for path in sorted(PACKAGE.rglob("*.py")) if path.parent != PACKAGE or path.name != "__init__.py"]
 every_file = pytest.mark.parametrize("path", FILES, ids=lambda path: str(path.relative_to(PACKAGE)))
 

@@ -11,7 +11,9 @@ from mpi4py import MPI
 from dolfinx import fem, mesh
 from shells import STIFFNESS, H, Shell, surface
 
-from fabric_fenicsx import directors
+from fabric_fenicsx import directors, statics, weakform
+from fabric_fenicsx.errors import InputError
+from fabric_fenicsx.stiffness import InternalWork
 
 every_element = pytest.mark.parametrize("element", directors.ELEMENTS)
 defaults = pytest.mark.parametrize("element", ["regge", "mitc4"])
@@ -113,9 +115,13 @@ def test_a_homogeneous_curvature_is_exact_on_skewed_cells(element):
 @pytest.mark.parametrize("degrees", [0, 90, 170])
 @defaults
 def test_the_tangent_is_exact_with_the_woven_law_at_any_turn(element, degrees):
-    """r(y + t z) - r(y) - t J z falls with t^2, in the unknowns (u, theta) of the solver."""
+    """r(y + t z) - r(y) - t J z falls with t^2, in the unknowns (u, theta) of the solver, under a pressure."""
     shell = patch(element)
-    space, solver = shell.space, shell.free
+    space = shell.space
+    u, v = ufl.split(shell.q)[0], ufl.split(ufl.TestFunction(space.V))[0]
+    # stiffness of the sheet in batches, of its load from UFL
+    load = -weakform.pressure(fem.Constant(space.mesh, 1e5), u, v, space.dx)
+    solver = statics.StaticSolver(load, shell.q, [], space=space, works=shell.works)
     x = solver.begin()
     R, rng = rotation((1, -2, 0.5), degrees), np.random.default_rng(degrees)
     # drawn enough that no layer of no point comes upon a kink of the law
@@ -147,6 +153,14 @@ def test_the_tangent_is_exact_with_the_woven_law_at_any_turn(element, degrees):
     orders = np.diff(np.log(errors)) / np.diff(np.log(sizes))
     assert np.median(orders) == pytest.approx(2, abs=0.1)
     assert errors[-1] < 1e-3 * np.linalg.norm(sizes[-1] * change.array)
+
+
+def test_a_strain_that_is_not_quadratic_has_no_batches():
+    shell = patch("q1")
+    u, _ = ufl.split(shell.q)
+    cubic = ufl.as_vector([ufl.dot(u, u) * u[2], u[0]])
+    with pytest.raises(InputError, match="not quadratic"):
+        InternalWork(shell.space, shell.q, cubic, fem.Constant(shell.space.mesh, np.eye(2)), shell.space.dx)
 
 
 def one_cell(element):
