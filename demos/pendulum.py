@@ -163,7 +163,9 @@ def main():
     if args.free:
         angular, linear, total = fly(args, out)
         good = angular <= 1.0 and linear <= 1e-8 and total <= 0.1
-        command.say(f"check: momentum kept to round-off, angular to 1 %, energy to 0.1 %: {'yes' if good else 'NO'}")
+        command.say(
+            f"check: momentum kept to round-off, angular to 1 %, energy to 0.1 %: {'yes' if good else 'NO'}; see {out}"
+        )
     else:
         good = max(swing(args, out)) <= 0.1
         command.say(f"check: periods of the rigid plate to 0.1 %: {'yes' if good else 'NO'}; see {out}")
