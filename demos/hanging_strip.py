@@ -27,20 +27,22 @@ SLOPE = 0.05
 
 
 def scene(args, mode, comm=MPI.COMM_WORLD):
-    """The strip at rest, and in the shape of a mode. It hangs along x, from x = 0."""
+    """The strip at rest, and in the shape of a mode. It hangs from z = 0 in the plane x = 0."""
     triangles = int(args.element in ("regge", "p2cr1"))
     domain = meshing.read(MESH, comm, length=LENGTH, width=WIDTH, nx=args.cells, ny=1, triangles=triangles)
+    x = domain.mesh.geometry.x
+    x[:] = np.stack([0 * x[:, 0], x[:, 1], -x[:, 0]], axis=1)
     law, shear = StVenantKirchhoff.isotropic(E, NU), E / 2 / (1 + NU)
-    strip = sheet.Sheet(domain, law, THICKNESS, (shear, shear), element=args.element)
+    strip = sheet.Sheet(domain, law, THICKNESS, (shear, shear), (0.0, 0.0, -1.0), element=args.element)
     areal_mass = DENSITY * THICKNESS
-    weight = strip.weight(areal_mass, fem.Constant(domain.mesh, np.array([G, 0.0, 0.0])))
+    weight = strip.weight(areal_mass, fem.Constant(domain.mesh, np.array([0.0, 0.0, -G])))
     bcs = supports.hinge(domain, strip.space, "fixed_end")
     moved = motion.Motion(strip.q, strip.mass(areal_mass), strip.shell, rho=args.rho)
     run = dynamics.Newmark(moved, strip.internal - weight, bcs, rtol=args.rtol)
     deflect(strip, jn_zeros(0, mode)[-1])
     run.solver.renew()
     ledger = energy.Ledger(run, weight, strip.stored)
-    probes = {"end_z_m": moving.value_at(strip, 2, "pulled_end")}
+    probes = {"end_x_m": moving.value_at(strip, 0, "pulled_end")}
     name = f"strip in mode {mode}"
     settings = f"{name}, {args.cells} cells, {args.element}"
     return moving.Scene(name, strip, run, ledger, probes, moving.yarn_strain(strip), "larger strain", settings)
@@ -54,9 +56,9 @@ def deflect(strip, root):
     shortening = np.concatenate([[0.0], np.cumsum((slope[1:] ** 2 + slope[:-1] ** 2) / 4 * np.diff(s))])
     stretch = DENSITY * G / E * (LENGTH * s - s**2 / 2)
     q, along = strip.q, fem.Function(strip.q.function_space)
-    q.sub(0).interpolate(lambda x: [np.interp(x[0], s, stretch - shortening), 0 * x[0], np.interp(x[0], s, w)])
+    q.sub(0).interpolate(lambda x: [np.interp(-x[2], s, w), 0 * x[0], -np.interp(-x[2], s, stretch - shortening)])
     angle = np.arctan(slope)
-    q.sub(1).interpolate(lambda x: [-np.sin(np.interp(x[0], s, angle)), 0 * x[0], np.cos(np.interp(x[0], s, angle))])
+    q.sub(1).interpolate(lambda x: [np.cos(np.interp(-x[2], s, angle)), 0 * x[0], np.sin(np.interp(-x[2], s, angle))])
     along.sub(1).interpolate(lambda x: [0 * x[0], 1 + 0 * x[0], 0 * x[0]])
     strip.shell.set_axes(along.x.array, q.x.array)
 
@@ -67,9 +69,9 @@ def swing(args, mode, out):
     args.end, args.step = 2.5 * 2 * np.pi / exact, 1e3 * 2 * np.pi / exact / args.points
     played = scene(args, mode)
     table = moving.play(played, args, results.folder(out / f"mode_{mode}"), progress=True)
-    t, z = table.column("time_s"), table.column("end_z_m")
-    at = np.flatnonzero((z[:-1] > 0) != (z[1:] > 0))
-    zeros = t[at] + z[at] / (z[at] - z[at + 1]) * (t[at + 1] - t[at])
+    t, x = table.column("time_s"), table.column("end_x_m")
+    at = np.flatnonzero((x[:-1] > 0) != (x[1:] > 0))
+    zeros = t[at] + x[at] / (x[at] - x[at + 1]) * (t[at + 1] - t[at])
     found = np.pi * (len(zeros) - 1) / (zeros[-1] - zeros[0])
     error = 100 * (found / exact - 1)
     unit = np.sqrt(G / LENGTH)
