@@ -3,8 +3,9 @@
 The sheet starts from rest, turned by an angle from hanging down. The checked number: its period is that of a rigid
 plate, 2 pi sqrt(2 L/(3 g)) times 2 K(sin(angle/2))/pi (1.18 for 90 degrees, 2.44 for 170), to 0.1 %.
 
-With --free there is no weight; it drifts and tumbles about none of its axes. The checked numbers, over 10 000 steps:
-energy to 0.1 %, linear momentum to round-off, angular momentum to 1 %.
+With --free there is no weight; it drifts and tumbles about none of its axes. The checked numbers, over 10 000 steps
+and 28 turns: energy and angular momentum to 0.1 % (measured 0.025 and 0.018 %), momentum to 1e-6 %. With steps of
+5 ms they are not kept: Newton's method fails in some, and every change of the step costs energy (1.4 and 1.1 %).
 """
 
 from mpi4py import MPI  # isort: skip  (first, as in every DOLFINx script: it loads the MPI library)
@@ -145,7 +146,7 @@ def arguments():
     parser.add_argument("--steps", type=command.positive, default=10000, help="of the free flight")
     parser.add_argument("--cells", type=command.positive, default=2, help="along a side")
     parser.add_argument("--element", choices=["mitc4", "q1", "regge", "p2cr1"], default="mitc4")
-    parser.add_argument("--step", type=command.number, default=5.0, help="time step, ms")
+    parser.add_argument("--step", type=command.number, default=2.5, help="time step, ms")
     parser.add_argument("--rho", type=command.number, default=1.0, help="left of the fastest oscillation after a step")
     parser.add_argument("--rtol", type=command.number, default=1e-6, help="of Newton's method")
     parser.add_argument("--animation", action="store_true", help="a gif of 50 frames")
@@ -162,8 +163,10 @@ def main():
     out = results.folder(args.out)
     if args.free:
         angular, linear, total = fly(args, out)
-        good = angular <= 1.0 and linear <= 1e-8 and total <= 0.1
-        command.say(f"check: momentum kept to round-off, angular to 1 %, energy to 0.1 %: {'yes' if good else 'NO'}")
+        good = angular <= 0.1 and linear <= 1e-6 and total <= 0.1
+        command.say(
+            f"check: energy and angular momentum to 0.1 %, momentum to 1e-6 %: {'yes' if good else 'NO'}; see {out}"
+        )
     else:
         good = max(swing(args, out)) <= 0.1
         command.say(f"check: periods of the rigid plate to 0.1 %: {'yes' if good else 'NO'}; see {out}")

@@ -1,0 +1,101 @@
+"""The demos in motion: their checked numbers, their files, and the same answer on two ranks."""
+
+import json
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+import test_demos
+
+demo, read, DEMOS = test_demos.demo, test_demos.read, test_demos.DEMOS
+COLUMNS = {"time_s", "newton_iterations", "step_cuts", "kinetic_J", "recoverable_J", "dissipated_J"}
+COLUMNS |= {"external_work_J", "imbalance_J", "wall_s"}
+
+
+def files(folder):
+    """The history of a run, which has the agreed columns; fields, checkpoint and pictures are there."""
+    table = read(folder / "history.csv")
+    assert set(table) >= COLUMNS
+    assert (folder / "fields.bp").exists() and (folder / "checkpoint.npz").exists()
+    test_demos.look(folder / "energy.png")
+    test_demos.look(folder / "deformed.png")
+    return table
+
+
+def test_pendulum(demo, tmp_path):
+    status, said, _ = demo("pendulum.py", "--angle", "120", "--step", "20", "--out", tmp_path)
+    table = files(tmp_path / "120_degrees")
+    assert status == 0 and ": yes;" in said
+    angle = table["angle_deg"]
+    assert angle[0] == pytest.approx(120, abs=1) and angle.min() == pytest.approx(-120, abs=1)
+    # all that the weight has done is speed
+    assert np.allclose(table["kinetic_J"], table["external_work_J"], atol=2e-3 * table["kinetic_J"].max())
+
+
+def test_free_plate(demo, tmp_path):
+    status, said, _ = demo("pendulum.py", "--free", "--steps", "60", "--out", tmp_path)
+    table = files(tmp_path)
+    assert status == 0 and ": yes;" in said and len(table["time_s"]) == 60
+    start = np.array([table[f"angular_momentum_{axis}_Nms"][0] for axis in "xyz"])
+    # of a thin square plate in the plane z = 0, and of its flight about the origin
+    mass, inertia = 5.0, 5.0 * 0.25 / 12 * np.array([1, 1, 2]) + 5.0 * 0.02**2 / 12 * np.array([1, 1, 0])
+    expected = inertia * (2.0, 6.0, 3.0) + mass * np.cross([0.25, 0.25, 0.0], (0.3, 0.0, 0.1))
+    assert start == pytest.approx(expected, rel=1e-2)
+
+
+def test_hanging_strip(demo, tmp_path):
+    status, said, _ = demo("hanging_strip.py", "--modes", "2", "--cells", "20", "--points", "40", "--out", tmp_path)
+    assert status == 0 and ": yes;" in said
+    for mode in (1, 2):
+        end = files(tmp_path / f"mode_{mode}")["end_x_m"]
+        assert end.min() == pytest.approx(-end.max(), rel=0.05)
+
+
+@pytest.mark.parametrize(
+    ("name", "words", "reason"),
+    [
+        ("pendulum.py", "--angle 180", "between 0 and 180"),
+        ("pendulum.py", "--rho 2", "rho must be"),
+        ("hanging_strip.py", "--modes 0", "0 is not a whole number of at least 1"),
+        ("drape.py", "--cells 5", "take an even number"),
+        ("drape.py", "--resume {folder}/none.npz", "No such file"),
+    ],
+)
+def test_bad_input_is_answered_in_a_sentence(demo, tmp_path, name, words, reason):
+    words = words.format(folder=tmp_path).split()
+    status, said, complaint = demo(name, *words, "--out", tmp_path / "out")
+    assert status == 2 and ": yes;" not in said and "Traceback" not in complaint
+    assert "error: " in complaint and reason in complaint
+
+
+def test_two_ranks_give_the_same(demo, tmp_path):
+    """The drape of fabric until after the start of its fall, a swing, and a flight."""
+    mpirun = shutil.which("mpirun", path=Path(sys.executable).parent) or shutil.which("mpirun")
+    if mpirun is None:
+        pytest.skip("there is no mpirun")
+    runs = {
+        "drape": (["drape.py", "--cells", "4", "--end", "0.05"], "", "center_z_m"),
+        "swing": (["pendulum.py", "--angle", "60", "--step", "40"], "60_degrees", "angle_deg"),
+        "flight": (["pendulum.py", "--free", "--steps", "20"], "", "angular_momentum_x_Nms"),
+        "strip": (["hanging_strip.py", "--modes", "1", "--cells", "10", "--points", "20"], "mode_1", "end_x_m"),
+    }
+    commands = [
+        [str(DEMOS / name), *words, "--out", str(tmp_path / "two" / key)] for key, ((name, *words), *_) in runs.items()
+    ]
+    answer = subprocess.run(
+        [mpirun, "-n", "2", sys.executable, "-c", test_demos.TWICE, json.dumps(commands)],
+        capture_output=True,
+        text=True,
+        timeout=280,
+        check=False,
+    )
+    assert answer.returncode == 0, answer.stderr
+    assert answer.stdout.count(": yes;") == len(runs), "said once, by rank 0"
+    for key, ((name, *words), folder, probe) in runs.items():
+        assert demo(name, *words, "--out", tmp_path / "one" / key)[0] == 0
+        one, two = (read(tmp_path / ranks / key / folder / "history.csv") for ranks in ("one", "two"))
+        for column in (probe, "kinetic_J", "external_work_J"):
+            assert np.abs(one[column] - two[column]).max() <= 1e-6 * np.abs(one[column]).max(), (key, column)
