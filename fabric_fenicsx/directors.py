@@ -253,8 +253,7 @@ def _unit(vectors: Array) -> Array:
 
 def _frames(d: Array) -> Array:
     """An orthonormal (e1, e2, d) for each unit vector, e1 across the axis that d is farthest from."""
-    axis = np.eye(3)[np.abs(d).argmin(axis=1)]
-    e1 = _unit(np.cross(axis, d))
+    e1 = _unit(np.cross(np.eye(3)[np.abs(d).argmin(axis=1)], d))
     return np.stack([e1, np.cross(d, e1), d], axis=1)
 
 

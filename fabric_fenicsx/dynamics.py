@@ -64,7 +64,7 @@ class Newmark:
         motion.given = np.unique(np.concatenate([np.empty(0, np.int32), *(bc.dof_indices()[0] for bc in bcs)]))
         self.ledger: Any = None
         """An `energy.Ledger`, if one is kept."""
-        self.fault: StepFailed | None = None
+        self.fault: Exception | None = None
         self.iterations = self.cuts = 0
         self._part, self._done = 1.0, 0.0
         self._began = self.interrupted = False
@@ -143,7 +143,7 @@ class Newmark:
         """One accepted step; never raises."""
         try:
             self._step(ts)
-        except StepFailed as error:
+        except Exception as error:
             self.fault = error
             ts.setConvergedReason(PETSc.TS.ConvergedReason.DIVERGED_STEP_REJECTED)
 

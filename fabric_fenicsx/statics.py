@@ -175,8 +175,7 @@ class StaticSolver:
         # rows only: given values that move need the columns
         A.zeroRows(self._given_rows, 1.0)
 
-    rate: tuple[fem.Function, fem.Constant] | None = None
-    """For `motion.MovingSolver`: a velocity in the residual, and its derivative by u."""
+    rate: tuple[fem.Function, fem.Constant] | None = None  # of `motion.MovingSolver`: velocity, its derivative by u
 
     def _add_to_jacobian(self, K: PETSc.Mat) -> None:
         """For `motion.MovingSolver`."""
@@ -240,8 +239,7 @@ class StaticSolver:
     def solve(self) -> int:
         """Solve from the present u; the number of Newton iterations.
 
-        Raises on every rank, with u as it was at the last commit: StepFailed if Newton fails,
-        RuntimeError if a law raised something.
+        Raises on every rank, with u back at the last commit: StepFailed if Newton fails, RuntimeError if a law raised.
         """
         self.begin()
         moved = self._move_supports()
@@ -264,10 +262,8 @@ class StaticSolver:
         worst = max(self.comm.allgather(max((hook.worst() for hook in self.hooks), default=(0.0, ""))))
         self.restore()
         history = ", ".join(f"{norm:.2e}" for norm in self.residuals)
-        return StepFailed(
-            f"Newton's method failed ({reason}); residuals in N: {history}"
-            + (f"; largest strain in {worst[1]}" if worst[1] else "")
-        )
+        where = f"; largest strain in {worst[1]}" if worst[1] else ""
+        return StepFailed(f"Newton's method failed ({reason}); residuals in N: {history}{where}")
 
     def commit(self) -> None:
         """Accept the present u: the only call that moves the past."""
@@ -296,12 +292,10 @@ class StaticSolver:
     def reaction(self, dofs: np.ndarray) -> float:
         """Sum of the forces (N) that the supports exert on these local unknowns, over all ranks.
 
-        dofs: of one component, as `fem.locate_dofs_topological(V.sub(0), ...)` gives them. To be called
-        on every rank, at a solved u.
+        dofs: of one component, as `supports.unknowns` gives them. To be called on every rank, at a solved u.
         """
-        self._assemble_force()
         owned = dofs[dofs < self._force.local_size]
-        return float(self.comm.allreduce(self._force.array_r[owned].sum()))
+        return float(self.comm.allreduce(self.forces()[owned].sum()))
 
 
 reasons = {value: name.lower() for name, value in vars(PETSc.SNES.ConvergedReason).items() if isinstance(value, int)}

@@ -18,7 +18,7 @@ SOFT = StVenantKirchhoff.isotropic(3e4, 0.3)
 def cloth(comm, law=SOFT, kinematics="shell", cells=2):
     """A square sheet that lies in the plane z = 0."""
     domain = meshing.read(SQUARE, comm, side=SIDE, n=cells)
-    return sheet.Sheet(domain, law, THICKNESS, (2e3, 2e3), kinematics=kinematics, layers=2)
+    return sheet.Sheet(domain, law, THICKNESS, (300.0, 300.0), kinematics=kinematics, layers=2)
 
 
 def spin(field, omega, centre=(0, 0, 0), drift=(0, 0, 0)):
