@@ -80,7 +80,8 @@ class Ledger:
         q0, fe0, fd0, ma0, r0 = self._last
         self._next = q1, fe1, fd1, ma1, r1 = self._forces()
         dq = q1 - q0
-        local = [(fe0 + fe1) @ dq + (r0 + r1) @ dq[self._given], (fd0 + fd1) @ dq, (ma0 + ma1) @ dq]
+        external = np.sum((fe0 + fe1) * dq) + np.sum((r0 + r1) * dq[self._given])
+        local = [external, np.sum((fd0 + fd1) * dq), np.sum((ma0 + ma1) * dq)]
         works = np.array([work.weigh() for work in self._works]).reshape(-1, 2).sum(axis=0)
         sums = self.comm.allreduce(np.array([*(0.5 * np.array(local)), *works]))
         t, kinetic, elastic = self.totals.copy(), self.motion.kinetic(), self._elastic_energy()

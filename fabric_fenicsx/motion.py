@@ -153,7 +153,8 @@ class Motion:
         """Kinetic energy in J, over all ranks."""
         v = self.velocity.x.petsc_vec
         self.mass.mult(v, self._force)
-        return 0.5 * float(self._force.dot(v))
+        # NumPy's sum, unlike BLAS's dot, does not depend on where in memory the numbers are
+        return 0.5 * float(self.q.function_space.mesh.comm.allreduce(np.sum(self._force.array_r * v.array_r)))
 
     def lay_on_sphere(self, v: Array, a: Array) -> None:
         """Take from the velocity of directors what is along d, and give them the acceleration -|d'|^2 along it."""

@@ -48,7 +48,7 @@ class StaticSolver:
     rtol times the largest internal or support force so far, or the last correction below 1e-9 of the displacement.
     options: PETSc options, over `OPTIONS`.
 
-    The SNES itself is `snes`; the compiled forms are `residual_form` and `jacobian_form`.
+    Public: the SNES itself, `snes`; the compiled forms, `residual_form` and `jacobian_form`.
     """
 
     def __init__(
@@ -66,8 +66,7 @@ class StaticSolver:
         self.hooks = (*hooks, *(work.hook for work in works if work.hook is not None))
         self._bcs = list(bcs)
         self.comm = u.function_space.mesh.comm
-        # what the solver solves for: u itself, or displacement and angles of a shell
-        self._y = u if space is None else fem.Function(space.W)
+        self._y = u if space is None else fem.Function(space.W)  # what is solved for: u, or (u, angles) of a shell
         self._accepted = self._y.x.array.copy()
         self.scale = self._size = 0.0
         self._met = True
