@@ -105,7 +105,7 @@ def play(scene, args, out, progress):
         u.x.array[:] = sheet.q.x.array[dofs]
         return u, scene.cell_value()
 
-    state = out / "checkpoint.npz"
+    state, taken = out / "checkpoint.npz", run.ts.getStepNumber()
     fields = results.Fields(out / "fields.bp", u, ("value",))
     with results.Table(out / "history.csv", comm) as table, checkpoint.guard(state, run, scene.settings):
         for step in run.march(args.end, args.step * 1e-3, progress=progress and scene.name, note=note(scene.ledger)):
@@ -114,9 +114,11 @@ def play(scene, args, out, progress):
                 **{name: probe() for name, probe in scene.probes.items()},
                 newton_iterations=step.newton_iterations,
                 step_cuts=step.step_cuts,
+                steps_taken=run.ts.getStepNumber() - taken,
                 **scene.ledger.row(),
                 wall_s=step.wall_s,
             )
+            taken = run.ts.getStepNumber()
             u, value = shown()
             fields.write(step.load, value=value)
             if args.animation:

@@ -228,9 +228,14 @@ class MovingSolver(StaticSolver):
         mass = mass.copy()
         mass.zeroRows(fixed, 1.0)
         b.array_w[fixed - mass.getOwnershipRange()[0]] = 0.0
-        self.snes.ksp.setOperators(mass)
+        # a solver of its own, since that of the steps is set up for their matrix
+        ksp = PETSc.KSP().create(self.comm)
+        ksp.setType("preonly")
+        ksp.getPC().setType("lu")
+        ksp.getPC().setFactorSolverType("mumps")
+        ksp.setOperators(mass)
         correction = b.duplicate()
-        self.snes.ksp.solve(b, correction)
+        ksp.solve(b, correction)
         a = fem.Function(self.u.function_space)
         if self._shell is None:
             correction.copy(a.x.petsc_vec)
