@@ -29,7 +29,8 @@ KINKS: dict[str, object] = {"snes_linesearch_type": "secant"}
 """Where a law has a hook: a sheet that unloads is full of kinks, where full steps overshoot.
 
 Newton iterations a step and processor time, drape of blend held over patches, 20 x 20: secant 6.3, 23 s; cp 6.5, 21 s;
-bt 7.5, 21 s. In the poke, whose sheet goes slack and wrinkles, only secant goes all the way. Without kinks full steps are best: 6.8 s for an elastic sheet, 8.9 with bt and 12.2 with secant.
+bt 7.5, 21 s. In the poke, whose sheet goes slack and wrinkles, only secant goes all the way. Without kinks full steps
+are best: 6.8 s for an elastic sheet, 8.9 with bt and 12.2 with secant.
 """
 
 
