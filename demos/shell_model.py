@@ -14,6 +14,7 @@ from dolfinx import fem
 from fabric_fenicsx import assumed_strain, continuation, directors, meshing, results, statics, supports, weakform
 from fabric_fenicsx.errors import InputError, StepFailed
 from fabric_fenicsx.laws.svk import StVenantKirchhoff
+from fabric_fenicsx.stiffness import InternalWork
 
 MESHES = Path(__file__).parent.parent / "meshes"
 
@@ -75,11 +76,13 @@ class Shell:
         strain, shear = assumed_strain.shell_strains(self.space, self.q, warp)
         plane = StVenantKirchhoff.isotropic(E, nu).stiffness
         section = np.kron(np.diag([thickness, thickness**3 / 12]), plane)
-        stress = weakform.elastic_stress(self.mesh, section, strain)
         G = shear_factor * E / (2 * (1 + nu))
-        shear_stress = ufl.dot(weakform.shear_stiffness(self.mesh, (G, G), h), shear)
-        self.residual = weakform.internal(stress, strain, self.q, test, 1.0, self.space.dx)
-        self.residual += weakform.internal(shear_stress, shear, self.q, test, 1.0, self.space.dx_shear)
+        across = weakform.shear_stiffness(self.mesh, (G, G), h)
+        self.works = [
+            InternalWork(self.space, self.q, strain, fem.Constant(self.mesh, section), self.space.dx),
+            InternalWork(self.space, self.q, shear, across, self.space.dx_shear),
+        ]
+        self.residual = 0
 
     def clamp(self, group):
         """Hold displacement and director of an edge."""
@@ -124,7 +127,9 @@ class Shell:
 
     def solver(self):
         """Newton on this shell, patient: at its start a thin shell is far from balance."""
-        return statics.StaticSolver(self.residual, self.q, self.bcs, space=self.space, options={"snes_max_it": 50})
+        return statics.StaticSolver(
+            self.residual, self.q, self.bcs, space=self.space, works=self.works, options={"snes_max_it": 50}
+        )
 
     def picture(self, path, title, full=1.0, drawn=1.0):
         """Draw the deformed shell, coloured by how far it moved.
