@@ -6,11 +6,13 @@ from typing import NamedTuple
 import numpy as np
 import ufl
 from dolfinx import fem
+from ufl.form import Form
 
 from . import assumed_strain, directors, frame, hook, kinematics, statics, supports, weakform
 from .fabrics import Fabric
 from .laws import Law, section
 from .meshing import Domain
+from .stiffness import InternalWork
 
 FOUNDATION = 1.0  # N/m3
 
@@ -52,18 +54,21 @@ def strip(
     """
     plane, mesh, h = level == "plane", domain.mesh, fabric.thickness
     warp = (np.cos(angle), np.sin(angle), 0.0)
-    shell = None
+    shell, works = None, []
+    residual: Form | int = 0
     if level == "shell":
         x = mesh.geometry.x
         x[:, 2] = imperfection * np.sin(np.pi * x[:, 0] / x[:, 0].max(initial=1e-9))
         shell = directors.ShellSpace(mesh, "q1" if mesh.basix_cell().name == "quadrilateral" else None)
-        u, v = shell.function(), ufl.TestFunction(shell.V)
+        u = shell.function()
         strain, shear = assumed_strain.shell_strains(shell, u, warp)
         cloth = hook.LawHook(section.Section(law, h), strain, mesh, directors.DEGREE)
         G = fabric.shear.modulus[0]
         stiffness = weakform.shear_stiffness(mesh, (G, G), fem.Constant(mesh, h))
-        residual = weakform.internal(cloth.stress, strain, u, v, 1.0, cloth.dx)
-        residual += weakform.internal(ufl.dot(stiffness, shear), shear, u, v, 1.0, shell.dx_shear)
+        works = [
+            InternalWork(shell, u, strain, cloth, cloth.dx),
+            InternalWork(shell, u, shear, stiffness, shell.dx_shear),
+        ]
     else:
         flat = fem.functionspace(mesh, ("Lagrange", degree, (mesh.geometry.dim,)))
         u, v = fem.Function(flat), ufl.TestFunction(flat)
@@ -89,7 +94,7 @@ def strip(
     buckles = imperfection != 0.0
     options: dict[str, object] = {"snes_linesearch_type": "basic" if buckles else "bt"}
     rtol = 1e-10 if buckles else 1e-6
-    solver = statics.StaticSolver(residual, u, bcs, [cloth], rtol, options, shell)
+    solver = statics.StaticSolver(residual, u, bcs, () if works else [cloth], rtol, options, shell, works)
 
     def pull(displacement: float) -> None:
         end.value = displacement
