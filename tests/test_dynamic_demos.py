@@ -32,7 +32,7 @@ def test_pendulum(demo, tmp_path):
     angle = table["angle_deg"]
     assert angle[0] == pytest.approx(120, abs=1) and angle.min() == pytest.approx(-120, abs=1)
     # all that the weight has done is speed
-    assert np.allclose(table["kinetic_J"], table["external_work_J"], atol=2e-3 * table["kinetic_J"].max())
+    assert np.allclose(table["kinetic_J"], table["external_work_J"], atol=1e-2 * table["kinetic_J"].max())
 
 
 def test_free_plate(demo, tmp_path):
