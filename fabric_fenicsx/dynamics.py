@@ -58,7 +58,7 @@ class Newmark:
         rtol: float = 1e-4,
         options: dict[str, object] | None = None,
         start: float = 0.0,
-        accuracy: float = 1e-3,
+        accuracy: float = 8e-4,
         works: Sequence[InternalWork] = (),
     ) -> None:
         self.motion, self.set_load, self.accuracy = motion, set_load, accuracy
