@@ -23,6 +23,7 @@ class Sheet:
     thickness in m; law: see `laws.Law`; one that is linear and symmetric (it has `stiffness`) needs no hook.
     shear: transverse shear moduli (G13, G23) in Pa, of a shell. warp: see `frame.surface_axes`.
     kinematics: "shell" or "membrane"; element: of a shell, see `directors.ELEMENTS`; layers: see `laws.section`.
+    reach: see `weakform.shear_stiffness`; by default the limit is for triangles alone.
 
     Raises InputError. Public: `domain`, `q` (unknown: displacement, or displacement and director), `test`,
     `u` and `v` (the displacement's part of both, for loads), `space` (for `supports`), `shell` (a ShellSpace or
@@ -40,6 +41,7 @@ class Sheet:
         kinematics: str = "shell",
         element: str | None = None,
         layers: int = 3,
+        reach: float | None = None,
     ) -> None:
         if kinematics not in ("shell", "membrane"):
             raise InputError(f"kinematics={kinematics!r} is neither 'shell' nor 'membrane'.")
@@ -49,6 +51,7 @@ class Sheet:
         self.internal, self.stored = Form([]), Form([])
         self.hooks: list[LawHook] = []
         self.works: list[InternalWork] = []
+        self._reach = reach
         self.shell: directors.ShellSpace | None = None
         self._strain: fem.Expression | None = None
         build = self._build_shell if kinematics == "shell" else self._build_membrane
@@ -66,8 +69,10 @@ class Sheet:
         self.dx = space.dx
         self.strain, across = assumed_strain.shell_strains(space, self.q, warp)
         through = section.Section(self.law, self.thickness, layers)
-        # bilinear cells do not need the limit; where a sheet is thrown about, a loosely held director turns over
-        reach = weakform.SHEAR_REACH if mesh.basix_cell().name == "triangle" else 0.0
+        reach = self._reach
+        if reach is None:
+            # bilinear cells do not need the limit; where a sheet is thrown about, a loosely held director turns over
+            reach = weakform.SHEAR_REACH if mesh.basix_cell().name == "triangle" else 0.0
         across_stiffness = weakform.shear_stiffness(mesh, shear, h, reach)
         linear = getattr(self.law, "stiffness", None)
         stress: LawHook | Expr
