@@ -26,13 +26,13 @@ def files(folder):
 
 
 def test_pendulum(demo, tmp_path):
-    status, said, _ = demo("pendulum.py", "--angle", "120", "--step", "20", "--out", tmp_path)
+    status, said, _ = demo("pendulum.py", "--angle", "120", "--step", "5", "--out", tmp_path)
     table = files(tmp_path / "120_degrees")
     assert status == 0 and ": yes;" in said
     angle = table["angle_deg"]
     assert angle[0] == pytest.approx(120, abs=1) and angle.min() == pytest.approx(-120, abs=1)
     # all that the weight has done is speed
-    assert np.allclose(table["kinetic_J"], table["external_work_J"], atol=1e-2 * table["kinetic_J"].max())
+    assert np.allclose(table["kinetic_J"], table["external_work_J"], atol=2e-3 * table["kinetic_J"].max())
 
 
 def test_free_plate(demo, tmp_path):
@@ -78,7 +78,7 @@ def test_two_ranks_give_the_same(demo, tmp_path):
         pytest.skip("there is no mpirun")
     runs = {
         "drape": (["drape.py", "--cells", "4", "--end", "0.05"], "", "center_z_m"),
-        "swing": (["pendulum.py", "--angle", "60", "--step", "40"], "60_degrees", "angle_deg"),
+        "swing": (["pendulum.py", "--angle", "60", "--step", "10"], "60_degrees", "angle_deg"),
         "flight": (["pendulum.py", "--free", "--steps", "20"], "", "angular_momentum_x_Nms"),
         "strip": (["hanging_strip.py", "--modes", "1", "--cells", "10", "--points", "20"], "mode_1", "end_x_m"),
     }
