@@ -46,6 +46,14 @@ class Step:
     wall_s: float
 
 
+def progress_bar(steps: int, name: str | None, comm: MPI.Comm) -> Any:
+    """A bar of that many steps on rank 0, often on a terminal, seldom in a file; without a name, none."""
+    calm = 0.2 if sys.stderr.isatty() else 30.0
+    return tqdm(
+        total=steps, desc=name, unit="step", disable=name is None or comm.rank != 0, leave=False, mininterval=calm
+    )
+
+
 def march(
     solver: Solver,
     set_load: Callable[[float], None],
@@ -65,9 +73,7 @@ def march(
     if not np.isfinite(loads).all():
         raise InputError("The loads of a march must be finite numbers.")
     fraction, done = 1.0, float(start)
-    hidden = progress is None or solver.comm.rank != 0
-    calm = 0.2 if sys.stderr.isatty() else 30.0
-    with tqdm(total=len(loads), desc=progress, unit="step", disable=hidden, leave=False, mininterval=calm) as bar:
+    with progress_bar(len(loads), progress, solver.comm) as bar:
         for number, target in enumerate(map(float, loads), 1):
             clock, iterations, cuts, origin, part = time.perf_counter(), 0, 0, done, 0.0
             while part < 1.0:

@@ -5,22 +5,20 @@ acceleration, and keeps the acceleration where nobody can turn it along with a s
 is in `motion`, the time step in a TS of Python type, `Newmark`; options (-ts_monitor), monitors and time are TS's.
 """
 
-import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
-from typing import Any
 
 import numpy as np
 from dolfinx import fem
 from petsc4py import PETSc
-from tqdm import tqdm
 from ufl.form import Form
 
-from .continuation import Step
+from .continuation import Step, progress_bar
 from .errors import InputError, StepFailed
 from .hook import LawHook
 from .laws import Array
 from .motion import Motion, MovingSolver
+from .stepper import Stepper
 from .stiffness import InternalWork
 
 OPTIONS: dict[str, object] = {"snes_max_it": 30}
@@ -34,7 +32,7 @@ are best: 6.8 s for an elastic sheet, 8.9 with bt and 12.2 with secant.
 """
 
 
-class Newmark:
+class Newmark(Stepper):
     """M a + residual(q, velocity) = 0 at the end of every step; a Python type of PETSc's TS, which is `ts`.
 
     motion: the unknown and its rule. residual: UFL form, terms of `weakform` less the loads, without inertia. bcs,
@@ -61,34 +59,13 @@ class Newmark:
         accuracy: float = 8e-4,
         works: Sequence[InternalWork] = (),
     ) -> None:
-        self.motion, self.set_load, self.accuracy = motion, set_load, accuracy
+        super().__init__(motion, bcs, set_load, start)
+        self.accuracy = accuracy
         kinks = KINKS if hooks or any(work.hook for work in works) else {}
         self.solver = MovingSolver(motion, residual, bcs, hooks, rtol, OPTIONS | kinks | (options or {}), works)
-        self.comm, self.time, self.number = self.solver.comm, start, 0
-        self._bcs = list(bcs)
-        motion.given = np.unique(np.concatenate([np.empty(0, np.int32), *(bc.dof_indices()[0] for bc in bcs)]))
-        self.ledger: Any = None
-        """An `energy.Ledger`, if one is kept."""
         self.fault: Exception | None = None
         self.iterations = self.cuts = 0
-        self._part, self._done = 1.0, 0.0
-        self._began = self.interrupted = False
-        self.ts = PETSc.TS().createPython(self, comm=self.comm)
-        self.ts.setSolution(motion.q.x.petsc_vec)
-        self.ts.setTime(start)
-        self.ts.setMaxTime(1e300)
-        self.ts.setMaxSteps(2**31 - 1)
-        self.ts.setFromOptions()
-
-    # -- motion of supports ---------------------------------------------------------------------------------------
-
-    def _given(self, t: float) -> Array:
-        """Values of the given unknowns at a time."""
-        self.set_load(t)
-        values = self.motion.accepted["q"].copy()
-        for bc in self._bcs:
-            bc.set(values)
-        return np.asarray(values[self.motion.given])
+        self._part = 1.0
 
     def begin(self) -> None:
         """Find the acceleration with which the motion starts, M a = forces; called by `march`.
@@ -96,7 +73,7 @@ class Newmark:
         At supports it is that of the first two steps, and so is the velocity.
         """
         motion, solver, dt = self.motion, self.solver, self.ts.getTimeStep()
-        before, after, later = (self._given(self.time + k * dt) for k in (0, 1, 2))
+        before, after, later = (self.given(self.time + k * dt) for k in (0, 1, 2))
         self.set_load(self.time)
         motion.velocity.x.array[motion.given] = (4 * after - 3 * before - later) / (2 * dt)
         motion.acceleration.x.array[motion.given] = (later - 2 * after + before) / dt**2
@@ -114,22 +91,19 @@ class Newmark:
 
     def numbers(self) -> dict[str, float]:
         """Time, sizes and energies of the last accepted step."""
-        own = {"time": self.time, "number": self.number, "part": self._part, "scale": self.solver.scale}
-        return own | (self.ledger.numbers() if self.ledger else {})
+        return super().numbers() | {"part": self._part, "scale": self.solver.scale}
 
     def set_numbers(self, numbers: dict[str, float]) -> None:
         """As `numbers` gave them."""
-        self.time, self.number, self._part = numbers["time"], int(numbers["number"]), numbers["part"]
-        self.solver.scale = numbers["scale"]
-        if self.ledger:
-            self.ledger.set_numbers(numbers)
+        super().set_numbers(numbers)
+        self._part, self.solver.scale = numbers["part"], numbers["scale"]
 
     def fields(self) -> tuple[fem.FunctionSpace, list[tuple[str, str, Array]]]:
         """The arrays of the last accepted step; see `checkpoint`."""
         result = self.motion.fields()
         for k, hook in enumerate(self.solver.hooks):
             result.append((f"history{k}", "cells", hook.history.committed.reshape(-1)))
-            result.append((f"stress{k}", "cells", hook.stress.ref_coefficient.x.array))
+            result.append((f"stress{k}", "cells", hook.resultants.reshape(-1)))
         return self.motion.q.function_space, result
 
     def renew(self) -> None:
@@ -137,10 +111,7 @@ class Newmark:
         self.motion.renew()
         self.set_load(self.time)
         self.solver.renew()
-        self.ts.setTime(self.time)
-        if self.ledger:
-            self.ledger.renew()
-        self._began = True
+        self._go_on()
 
     # -- what TS asks for -------------------------------------------------------------------------------------
 
@@ -156,9 +127,8 @@ class Newmark:
         while True:
             dt = ts.getTimeStep()
             t = self.time + dt
-            before, after = (self._given(t + k * dt) for k in (-1, 1))
-            now = self._given(t)
-            self.motion.prepare(dt, ((after - before) / (2 * dt), (after - 2 * now + before) / dt**2))
+            _, velocity, acceleration = self.given_motion(t, dt)
+            self.motion.prepare(dt, (velocity, acceleration))
             try:
                 self.iterations += self.solver.solve()
                 self.motion.settle()
@@ -225,9 +195,7 @@ class Newmark:
         if not self._began:
             self.ts.setTimeStep(dt)
             self.begin()
-        hidden = progress is None or self.comm.rank != 0
-        calm = 0.2 if sys.stderr.isatty() else 30.0
-        with tqdm(total=steps, desc=progress, unit="step", disable=hidden, leave=False, mininterval=calm) as bar:
+        with progress_bar(steps, progress, self.comm) as bar:
             for target in times:
                 clock, self.iterations, self.cuts, begun, done = time.perf_counter(), 0, 0, self.time, 0.0
                 while done < 1.0:
@@ -246,7 +214,5 @@ class Newmark:
                 said = f"t={self.time:.4g} s, newton={self.iterations}, cuts={self.cuts}{note()}"
                 bar.set_postfix_str(said, refresh=False)
                 bar.update()
-                if self.comm.allreduce(self.interrupted):
-                    self.interrupted = False
-                    raise KeyboardInterrupt
+                self.stop_if_interrupted()
                 yield Step(self.number, self.time, self.iterations, self.cuts, time.perf_counter() - clock)

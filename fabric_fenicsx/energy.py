@@ -70,9 +70,8 @@ class Ledger:
         self._last = self._forces()
         for work in self._works:
             work.start()
-        self.totals["kinetic"], self._elastic = self.motion.kinetic(), self._elastic_energy()
-        self.totals["recoverable"] = self._elastic
-        self.totals["external"] = self.totals["kinetic"] + self._elastic
+        kinetic, elastic = self.motion.kinetic(), self._elastic_energy()
+        self.totals |= {"kinetic": kinetic, "recoverable": elastic, "external": kinetic + elastic}
 
     def weigh(self) -> float:
         """Account for the step that is solved but not yet committed; what it adds to the imbalance, J."""
@@ -183,7 +182,7 @@ class LawWork:
 
     def _now(self) -> tuple[Array, Array]:
         m = self.hook.strain.shape[-1]
-        return self.hook.strain.reshape(-1, m), self.hook.stress.ref_coefficient.x.array.reshape(-1, m)
+        return self.hook.strain.reshape(-1, m), self.hook.resultants.reshape(-1, m)
 
     def weigh(self) -> tuple[float, float]:
         """Work of the step that is about to be committed, and what is recoverable after it."""

@@ -6,31 +6,27 @@ row sums vanish at corners. Directors turn on their sphere by the angle of a ste
 """
 
 import math
-import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
-from typing import Any
 
 import numpy as np
 from dolfinx import fem, la
-from dolfinx_external_operator import replace_external_operators
 from petsc4py import PETSc
-from tqdm import tqdm
-from ufl.algorithms import expand_derivatives
 from ufl.form import Form
 
 from . import stable_step
-from .continuation import Step
+from .continuation import Step, progress_bar
 from .errors import InputError, StepFailed
-from .hook import LawHook
+from .hook import LawHook, plain
 from .laws import Array
 from .motion import Motion
+from .stepper import Stepper
 
 SAFETY = 0.9
 """Step as a part of the largest stable one."""
 
 
-class CentralDifference:
+class CentralDifference(Stepper):
     """M a + residual(q, velocity) = 0 at the start of every step; a Python type of PETSc's TS, which is `ts`.
 
     motion, residual, bcs, hooks, set_load, start: as for `dynamics.Newmark`. rotary: factor on the inertia of
@@ -51,31 +47,17 @@ class CentralDifference:
         rotary: float | None = None,
         start: float = 0.0,
     ) -> None:
-        self.motion, self.hooks, self.set_load = motion, tuple(hooks), set_load
-        self.q, self.V = motion.q, motion.q.function_space
-        self.comm, self.time, self.number = self.V.mesh.comm, start, 0
-        form, operators = replace_external_operators(expand_derivatives(residual))
-        if any(op.external_function not in self.hooks for op in operators):
-            raise InputError("The residual holds the stress of a law whose hook the solver was not given.")
-        self._form = fem.form(form)
+        super().__init__(motion, bcs, set_load, start)
+        self.hooks, self.q, self.V = tuple(hooks), motion.q, motion.q.function_space
+        self._form = fem.form(plain(residual, self.hooks))
         self._force = la.vector(self.V.dofmap.index_map, self.V.dofmap.index_map_bs)
-        self._bcs = list(bcs)
-        self.given = motion.given = np.unique(
-            np.concatenate([np.empty(0, np.int32), *(bc.dof_indices()[0] for bc in bcs)])
-        )
+        self._given_v = self._given_a = np.zeros(len(motion.given))
         self.directors = np.empty((0, 3), dtype=np.int32) if motion.space is None else motion.space.nodes
         self.mass = stable_step.lumped(motion)
         self.stable, self.rotary = stable_step.find(self, rotary)
         lumped = fem.Function(self.V)
         lumped.x.array[:] = self.mass
         motion.mass = PETSc.Mat().createDiagonal(lumped.x.petsc_vec.copy())
-        self.interrupted = self._began = False
-        self.ts = PETSc.TS().createPython(self, comm=self.comm)
-        self.ts.setSolution(self.q.x.petsc_vec)
-        self.ts.setTime(start)
-        self.ts.setMaxTime(1e300)
-        self.ts.setMaxSteps(2**31 - 1)
-        self.ts.setFromOptions()
 
     def lay(self, values: Array, q: Array) -> None:
         """Take from directors' values what is along the directors of q."""
@@ -85,16 +67,6 @@ class CentralDifference:
         values[self.directors] = w - (w * d).sum(axis=1, keepdims=True) * d
 
     # -- what a checkpoint asks for -------------------------------------------------------------------------------
-
-    def numbers(self) -> dict[str, float]:
-        """Time and energies of the last step."""
-        return {"time": self.time, "number": self.number} | (self.ledger.numbers() if self.ledger else {})
-
-    def set_numbers(self, numbers: dict[str, float]) -> None:
-        """As `numbers` gave them."""
-        self.time, self.number = numbers["time"], int(numbers["number"])
-        if self.ledger:
-            self.ledger.set_numbers(numbers)
 
     def fields(self) -> tuple[fem.FunctionSpace, list[tuple[str, str, Array]]]:
         """The arrays of the last step; see `checkpoint`."""
@@ -107,13 +79,9 @@ class CentralDifference:
 
     def renew(self) -> None:
         """Go on from what has been put into `fields` and `numbers`."""
-        self._scratch = self.q.x.array.copy()
         self.set_load(self.time)
         self.evaluate()
-        self.ts.setTime(self.time)
-        if self.ledger:
-            self.ledger.renew()
-        self._began = True
+        self._go_on()
 
     # -- a step ---------------------------------------------------------------------------------------------------
 
@@ -147,17 +115,16 @@ class CentralDifference:
             # carried along the same turn
             v[directors] = (c * turn - angle**2 * s * d) / dt
         self.time += dt
-        if len(self.given):
-            self._move_supports(dt)
+        self._move_supports(dt)
         force = self.evaluate()
         np.divide(force, self.mass, out=a)
         a *= -1.0
         if motion.damping > 0.0:
             a -= motion.damping * v
-        a[self.given] = self._given_a
+        a[motion.given] = self._given_a
         self.lay(a, q)
         v += 0.5 * dt * a
-        v[self.given] = self._given_v
+        v[motion.given] = self._given_v
         if self.ledger is not None:
             self.ledger.weigh()
             self.ledger.accept()
@@ -172,34 +139,19 @@ class CentralDifference:
         )
         return np.asarray(total[: self.owned])
 
-    ledger: Any = None
-    """An `energy.Ledger`, if one is kept; it takes about twice the time of a step."""
-    _given_v: Array | float = 0.0
-    _given_a: Array | float = 0.0
-
-    def _values(self, t: float) -> Array:
-        self.set_load(t)
-        for bc in self._bcs:
-            bc.set(self._scratch)
-        return np.asarray(self._scratch[self.given])
-
     def _move_supports(self, dt: float) -> None:
         """Given values at the present time, and their velocity and acceleration."""
-        before, after = (self._values(self.time + k * dt) for k in (-1, 1))
-        now = self._values(self.time)
-        self.q.x.array[self.given] = now
-        self._given_v, self._given_a = (after - before) / (2 * dt), (after - 2 * now + before) / dt**2
+        now, self._given_v, self._given_a = self.given_motion(self.time, dt)
+        self.q.x.array[self.motion.given] = now
 
     def begin(self, dt: float) -> None:
         """Find the acceleration with which the motion starts."""
-        self._scratch = self.q.x.array.copy()
         motion = self.motion
-        if len(self.given):
-            self._move_supports(dt)
-            motion.velocity.x.array[self.given] = self._given_v
+        self._move_supports(dt)
+        motion.velocity.x.array[motion.given] = self._given_v
         a = motion.acceleration.x.array
         a[:] = -self.evaluate() / self.mass - motion.damping * motion.velocity.x.array
-        a[self.given] = self._given_a
+        a[motion.given] = self._given_a
         self.lay(a, self.q.x.array)
         if self.ledger is not None:
             self.ledger.start()
@@ -220,9 +172,7 @@ class CentralDifference:
         self.ts.setTimeStep(every / parts)
         if not self._began:
             self.begin(every / parts)
-        hidden = progress is None or self.comm.rank != 0
-        calm = 0.2 if sys.stderr.isatty() else 30.0
-        with tqdm(total=steps, desc=progress, unit="step", disable=hidden, leave=False, mininterval=calm) as bar:
+        with progress_bar(steps, progress, self.comm) as bar:
             for _ in range(steps):
                 clock, begun = time.perf_counter(), self.time
                 good = [array.copy() for array in self._arrays()]
@@ -233,9 +183,7 @@ class CentralDifference:
                 self.number += 1
                 bar.set_postfix_str(f"t={self.time:.4g} s{note()}", refresh=False)
                 bar.update()
-                if self.comm.allreduce(self.interrupted):
-                    self.interrupted = False
-                    raise KeyboardInterrupt
+                self.stop_if_interrupted()
                 yield Step(self.number, self.time, parts, 0, time.perf_counter() - clock)
 
     def _arrays(self) -> list[Array]:

@@ -135,9 +135,12 @@ class LawHook:
         return float(size[cell, point]), f"cell {number} at ({where}) m, point {point}: strain ({strain})"
 
 
-def plain(residual: Form) -> Form:
-    """A residual with hooks in plain coefficients that the hooks fill."""
-    return replace_external_operators(expand_derivatives(residual))[0]
+def plain(residual: Form, hooks: tuple[LawHook, ...]) -> Form:
+    """A residual with hooks in plain coefficients that the hooks fill. InputError for a law without its hook."""
+    residual, operators = replace_external_operators(expand_derivatives(residual))
+    if any(op.external_function not in hooks for op in operators):
+        raise InputError("The residual holds the stress of a law whose hook the solver was not given.")
+    return residual
 
 
 def derive(
@@ -152,10 +155,8 @@ def derive(
     jacobian = ufl.derivative(residual, u)
     if rate and rate[0] in residual.coefficients():
         jacobian += rate[1] * ufl.derivative(residual, rate[0])
-    residual, _ = replace_external_operators(residual)
+    residual = plain(residual, hooks)
     jacobian, operators = replace_external_operators(jacobian)
-    if any(op.external_function not in hooks for op in operators):
-        raise InputError("The residual holds the stress of a law whose hook the solver was not given.")
     for hook in hooks:
         hook.adopt(operators)
     return residual, expand_derivatives(jacobian)

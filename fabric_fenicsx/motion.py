@@ -253,6 +253,6 @@ class MovingSolver(StaticSolver):
             self._shell.turn(self._y, fem.Function(self.u.function_space))
         self._accepted = self._y.x.array.copy()
         for hook in self.hooks:
-            stress = hook.stress.ref_coefficient.x.array.copy()
+            stress = hook.resultants.copy()
             hook.evaluate()
-            hook.stress.ref_coefficient.x.array[:] = stress
+            hook.resultants[:] = stress

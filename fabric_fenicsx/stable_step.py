@@ -21,7 +21,6 @@ class Run(Protocol):
     V: fem.FunctionSpace
     motion: Motion
     mass: Array
-    given: np.ndarray
     directors: np.ndarray
 
     @property
@@ -62,7 +61,7 @@ def find(run: Run, rotary: float | None) -> tuple[float, float]:
         hook.law = _Frozen(getattr(hook.law, "stiffest", hook.law))
     directors = run.directors.ravel()
     free = np.ones(len(run.mass))
-    free[run.given] = 0.0
+    free[run.motion.given] = 0.0
     if rotary is None:
         rotary = 1.0
         if directors.size:

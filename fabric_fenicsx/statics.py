@@ -73,7 +73,7 @@ class StaticSolver:
         self._fault: Exception | None = None
         self.residuals: list[float] = []
         """Norms of the residual in the last solve, N."""
-        parts = [plain(work.form) for work in works]
+        parts = [plain(work.form, self.hooks) for work in works]
         self.jacobian_form: fem.Form | None = None
         if isinstance(residual, Form):
             force, jacobian = derive(residual, u, tuple(hooks), self.rate)

@@ -29,7 +29,7 @@ ROOMS = [
     {"continuation"},
     {"statics"},
     {"motion"},
-    {"stable_step"},
+    {"stable_step", "stepper"},
     {"dynamics", "explicit"},
     {"energy"},
     {"checkpoint"},
@@ -42,7 +42,7 @@ ROOMS = [
 LEVEL = {room: level for level, rooms in enumerate(ROOMS) for room in rooms}
 FENICS = {"dolfinx", "ufl", "basix", "ffcx", "dolfinx_external_operator", "petsc4py", "mpi4py", "gmsh", "meshio"}
 # directors and stiffness hand the solver a matrix
-PETSC = {"directors", "stiffness", "statics", "motion", "dynamics", "explicit", "energy"}
+PETSC = {"directors", "stiffness", "statics", "motion", "stepper", "dynamics", "explicit", "energy"}
 FILES = [path for path in sorted(PACKAGE.rglob("*.py")) if path.parent != PACKAGE or path.name != "__init__.py"]
 every_file = pytest.mark.parametrize("path", FILES, ids=lambda path: str(path.relative_to(PACKAGE)))
 
