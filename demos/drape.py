@@ -15,34 +15,25 @@ from pathlib import Path
 import moving
 import ufl
 
-from fabric_fenicsx import command, energy, fabrics, meshing, motion, results, sheet, supports
+from fabric_fenicsx import command, energy, results, supports
 
 MESH = Path(__file__).parent.parent / "meshes" / "drape.geo"
-SIDE, G = 2.0, 9.81
+G = 9.81
 
 
 def scene(args, comm=MPI.COMM_WORLD):
     """The sheet, held and loaded, ready to fall."""
-    fabric = fabrics.load(args.fabric)
-    law, shear = moving.law(args, fabric)
-    cells = moving.even(args.cells)
-    triangles = int(args.element in ("regge", "p2cr1"))
-    domain = meshing.read(MESH, comm, side=SIDE, n=cells, a=args.patch or SIDE / cells, triangles=triangles)
-    cloth = sheet.Sheet(domain, law, fabric.thickness, (shear, shear), element=args.element, layers=args.layers)
-    areal_mass = fabric.density * fabric.thickness
+    cloth, areal_mass, moved = moving.square(MESH, args, args.patch or moving.SIDE / args.cells, comm)
     weight = cloth.weight(areal_mass, ufl.as_vector((0.0, 0.0, -G)))
-    bcs = supports.hinge(domain, cloth.space, "corner_patches" if args.patch else "corners")
-    moved = motion.Motion(
-        cloth.q, cloth.mass(areal_mass, not args.no_rotary), cloth.shell, rho=args.rho, damping=args.damping
-    )
+    bcs = supports.hinge(cloth.domain, cloth.space, "corner_patches" if args.patch else "corners")
     run = moving.runner(args, moved, weight, bcs, cloth)
     ledger = energy.Ledger(run, weight, cloth.stored, [(hook, 1.0) for hook in cloth.hooks])
     probes = {"center_z_m": moving.value_at(cloth, 2, "centre")}
-    name, made_with = f"drape of {fabric.name}", moving.settings("drape", args, f"patch {args.patch}")
+    name, made_with = f"drape of {Path(args.fabric).stem}", moving.settings("drape", args, f"patch {args.patch}")
     return moving.Scene(name, cloth, run, ledger, probes, moving.yarn_strain(cloth), "larger yarn strain", made_with)
 
 
-def arguments(argv=None):
+def arguments():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.ArgumentDefaultsHelpFormatter)
     moving.add_arguments(parser, end=0.5, rho=0.8)
     parser.add_argument("--patch", type=command.number, default=0.0, help="side of the squares that are held, m")

@@ -15,7 +15,7 @@ import numpy as np
 from dolfinx import fem
 from scipy.special import j0, jn_zeros
 
-from fabric_fenicsx import command, dynamics, energy, meshing, motion, results, sheet, supports
+from fabric_fenicsx import command, dynamics, energy, motion, results, sheet, supports
 from fabric_fenicsx.laws.svk import StVenantKirchhoff
 
 MESH = Path(__file__).parent.parent / "meshes" / "strip.geo"
@@ -28,8 +28,7 @@ SLOPE = 0.05
 
 def scene(args, mode, comm=MPI.COMM_WORLD):
     """The strip at rest, and in the shape of a mode. It hangs from z = 0 in the plane x = 0."""
-    triangles = int(args.element in ("regge", "p2cr1"))
-    domain = meshing.read(MESH, comm, length=LENGTH, width=WIDTH, nx=args.cells, ny=1, triangles=triangles)
+    domain = moving.read(MESH, args.element, comm, length=LENGTH, width=WIDTH, nx=args.cells, ny=1)
     x = domain.mesh.geometry.x
     x[:] = np.stack([0 * x[:, 0], x[:, 1], -x[:, 0]], axis=1)
     law, shear = StVenantKirchhoff.isotropic(E, NU), E / 2 / (1 + NU)
@@ -69,9 +68,7 @@ def swing(args, mode, out):
     args.end, args.step = 2.5 * 2 * np.pi / exact, 1e3 * 2 * np.pi / exact / args.points
     played = scene(args, mode)
     table = moving.play(played, args, results.folder(out / f"mode_{mode}"), progress=True)
-    t, x = table.column("time_s"), table.column("end_x_m")
-    at = np.flatnonzero((x[:-1] > 0) != (x[1:] > 0))
-    zeros = t[at] + x[at] / (x[at] - x[at + 1]) * (t[at + 1] - t[at])
+    zeros = moving.zeros(table.column("time_s"), table.column("end_x_m"))
     found = np.pi * (len(zeros) - 1) / (zeros[-1] - zeros[0])
     error = 100 * (found / exact - 1)
     unit = np.sqrt(G / LENGTH)
@@ -84,11 +81,8 @@ def arguments():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--modes", type=command.positive, default=3, help="how many")
     parser.add_argument("--cells", type=command.positive, default=40, help="along the strip")
-    parser.add_argument("--element", choices=["mitc4", "q1", "regge", "p2cr1"], default="mitc4")
     parser.add_argument("--points", type=command.positive, default=80, help="time steps a period")
-    parser.add_argument("--rho", type=command.number, default=1.0, help="left of the fastest oscillation after a step")
-    parser.add_argument("--rtol", type=command.number, default=1e-6, help="of Newton's method")
-    parser.add_argument("--animation", action="store_true", help="a gif of 50 frames")
+    moving.add_common(parser, rho=1.0, rtol=1e-6)
     parser.add_argument("--out", type=Path, default=Path("out/hanging_strip"))
     parser.set_defaults(resume=None)
     return command.parse(parser)

@@ -4,16 +4,30 @@ from mpi4py import MPI  # isort: skip  (first, as in every DOLFINx script: it lo
 
 import argparse
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 
-from fabric_fenicsx import checkpoint, command, dynamics, explicit, results, supports
+from fabric_fenicsx import (
+    checkpoint,
+    command,
+    directors,
+    dynamics,
+    explicit,
+    fabrics,
+    meshing,
+    motion,
+    results,
+    sheet,
+    supports,
+)
 from fabric_fenicsx.errors import InputError
 from fabric_fenicsx.laws.printed import Printed
 from fabric_fenicsx.laws.svk import StVenantKirchhoff
 from fabric_fenicsx.laws.woven import Woven
 
+SIDE = 2.0  # m
 LAWS = ("continuous", "printed", "svk")
 
 
@@ -27,6 +41,24 @@ def law(args, fabric):
         return StVenantKirchhoff.from_fabric(fabric, args.poisson), G
     kind = {"continuous": Woven, "printed": Printed}[args.law]
     return kind(fabric, args.poisson, shear_hysteresis=not args.no_shear_hysteresis), G
+
+
+def read(mesh, element, comm, **numbers):
+    """A mesh of the cells that the element needs."""
+    return meshing.read(mesh, comm, triangles=int(directors.ELEMENTS[element][0] == "triangle"), **numbers)
+
+
+def square(mesh, args, a, comm):
+    """The sheet of the drape and of the poke, 2 m x 2 m and cut at a (m), its mass in kg/m2, and its Motion."""
+    if args.cells % 2:
+        raise InputError(f"--cells {args.cells} is odd; take an even number, so that the middle is a node.")
+    fabric = fabrics.load(args.fabric)
+    own_law, G = law(args, fabric)
+    domain = read(mesh, args.element, comm, side=SIDE, n=args.cells, a=a)
+    cloth = sheet.Sheet(domain, own_law, fabric.thickness, (G, G), element=args.element, layers=args.layers)
+    areal_mass = fabric.density * fabric.thickness
+    mass = cloth.mass(areal_mass, not args.no_rotary)
+    return cloth, areal_mass, motion.Motion(cloth.q, mass, cloth.shell, rho=args.rho, damping=args.damping)
 
 
 def pair(text):
@@ -46,16 +78,21 @@ def add_arguments(parser, end, rho):
     parser.add_argument("--poisson", choices=["measured", "lowered"], default="measured")
     parser.add_argument("--no-shear-hysteresis", action="store_true")
     parser.add_argument("--cells", type=command.positive, default=20, help="along a side, even")
-    parser.add_argument("--element", choices=["mitc4", "q1", "regge", "p2cr1"], default="mitc4")
     parser.add_argument("--layers", type=command.positive, default=3)
     parser.add_argument("--step", type=command.number, default=5.0, help="nominal time step, ms")
     parser.add_argument("--end", type=command.number, default=end, help="s")
     parser.add_argument("--method", choices=["implicit", "explicit"], default="implicit")
-    parser.add_argument("--rho", type=command.number, default=rho, help="left of the fastest oscillation after a step")
-    parser.add_argument("--rtol", type=command.number, default=1e-4, help="of Newton's method")
     parser.add_argument("--damping", type=command.number, default=0.0, help="a of Rayleigh's a M, 1/s")
     parser.add_argument("--no-rotary", action="store_true", help="directors without inertia")
     parser.add_argument("--resume", type=Path, help="go on from this checkpoint")
+    add_common(parser, rho, 1e-4)
+
+
+def add_common(parser, rho, rtol):
+    """What every motion can be asked."""
+    parser.add_argument("--element", choices=directors.ELEMENTS, default="mitc4")
+    parser.add_argument("--rho", type=command.number, default=rho, help="left of the fastest oscillation after a step")
+    parser.add_argument("--rtol", type=command.number, default=rtol, help="of Newton's method")
     parser.add_argument("--animation", action="store_true", help="a gif of 50 frames")
 
 
@@ -193,10 +230,9 @@ def plot(path, table, scene):
 def summary(table, ledger):
     """Two lines on steps and energies; the largest imbalance in percent of the largest external work."""
     iterations, imbalance = table.column("newton_iterations"), 100 * ledger.worst / max(ledger.most, 1e-300)
-    cuts, seconds, t = table.column("step_cuts").sum(), table.column("wall_s").sum(), ledger.totals
-    command.say(
-        f"{len(iterations)} steps, {iterations.mean():.1f} Newton iterations a step, {cuts:g} cuts, {seconds:.1f} s"
-    )
+    cuts, taken, seconds = (table.column(name).sum() for name in ("step_cuts", "steps_taken", "wall_s"))
+    t, newton = ledger.totals, f"{iterations.sum() / taken:.1f} Newton iterations a step taken"
+    command.say(f"{len(iterations)} steps, {cuts:g} cuts, {taken:g} steps taken, {newton}, {seconds:.1f} s")
     command.say(
         f"energy: external work {t['external']:.4g} J, {ledger.most:.4g} J at most; kinetic {t['kinetic']:.3g}, "
         f"recoverable {t['recoverable']:.3g}, by the law {t['by_law']:.3g}, by damping {t['by_damping']:.3g}, "
@@ -205,23 +241,15 @@ def summary(table, ledger):
     return imbalance
 
 
-def even(cells):
-    """Refuse an odd number of cells: the middle would be no node."""
-    if cells % 2:
-        raise InputError(f"--cells {cells} is odd; take an even number, so that the middle is a node.")
-    return cells
-
-
 def value_at(sheet, component, group):
     """Mean displacement along an axis at a group of the mesh, m; a function."""
-    dofs = supports.unknowns(sheet.domain, sheet.space, group, component)
-    owned = dofs[dofs < sheet.q.function_space.dofmap.index_map.size_local * sheet.q.function_space.dofmap.index_map_bs]
+    return partial(supports.mean, sheet.domain, sheet.space, sheet.q, group, component)
 
-    def value():
-        total, count = sheet.domain.mesh.comm.allreduce(np.array([sheet.q.x.array[owned].sum(), len(owned)]))
-        return total / count
 
-    return value
+def zeros(t, x):
+    """Times at which a swinging x goes through zero, between two of its times by a straight line."""
+    at = np.flatnonzero((x[:-1] > 0) != (x[1:] > 0))
+    return t[at] + x[at] / (x[at] - x[at + 1]) * (t[at + 1] - t[at])
 
 
 def yarn_strain(sheet):

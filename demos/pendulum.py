@@ -19,7 +19,7 @@ import numpy as np
 from dolfinx import fem
 from scipy.special import ellipk
 
-from fabric_fenicsx import command, dynamics, energy, meshing, motion, results, sheet, supports, weakform
+from fabric_fenicsx import command, dynamics, energy, motion, results, sheet, supports, weakform
 from fabric_fenicsx.errors import InputError
 from fabric_fenicsx.laws.svk import StVenantKirchhoff
 
@@ -39,8 +39,7 @@ def period(degrees):
 
 def scene(args, degrees=90.0, comm=MPI.COMM_WORLD):
     """The sheet, ready to swing from this angle, or to fly. Its top edge lies in the y axis."""
-    triangles = int(args.element in ("regge", "p2cr1"))
-    domain = meshing.read(MESH, comm, side=SIDE, n=args.cells, triangles=triangles)
+    domain = moving.read(MESH, args.element, comm, side=SIDE, n=args.cells)
     x, angle = domain.mesh.geometry.x, np.radians(degrees)
     down = SIDE - x[:, 1]
     x[:] = np.stack([np.sin(angle) * down, x[:, 0], -np.cos(angle) * down], axis=1)
@@ -113,8 +112,7 @@ def swing(args, out):
         played = scene(args, degrees)
         table = moving.play(played, args, results.folder(out / f"{degrees:g}_degrees"), progress=True)
         t, angle = table.column("time_s"), table.column("angle_deg")
-        at = np.flatnonzero((angle[:-1] > 0) != (angle[1:] > 0))
-        zeros = t[at] + angle[at] / (angle[at] - angle[at + 1]) * (t[at + 1] - t[at])
+        zeros = moving.zeros(t, angle)
         found = zeros[2] - zeros[0]
         errors.append(100 * abs(found / exact - 1))
         command.say(f"from {degrees:g} degrees: period {found:.5f} s, exact {exact:.5f} s, error {errors[-1]:.4f} %")
@@ -147,11 +145,8 @@ def arguments():
     parser.add_argument("--free", action="store_true", help="fly instead")
     parser.add_argument("--steps", type=command.positive, default=10000, help="of the free flight")
     parser.add_argument("--cells", type=command.positive, default=2, help="along a side")
-    parser.add_argument("--element", choices=["mitc4", "q1", "regge", "p2cr1"], default="mitc4")
     parser.add_argument("--step", type=command.number, default=2.5, help="time step, ms")
-    parser.add_argument("--rho", type=command.number, default=1.0, help="left of the fastest oscillation after a step")
-    parser.add_argument("--rtol", type=command.number, default=1e-6, help="of Newton's method")
-    parser.add_argument("--animation", action="store_true", help="a gif of 50 frames")
+    moving.add_common(parser, rho=1.0, rtol=1e-6)
     parser.add_argument("--out", type=Path, default=Path("out/pendulum"))
     parser.set_defaults(resume=None)
     args = command.parse(parser)

@@ -18,11 +18,11 @@ from pathlib import Path
 import moving
 import numpy as np
 
-from fabric_fenicsx import command, energy, fabrics, meshing, motion, results, sheet, supports
+from fabric_fenicsx import command, energy, fabrics, results, supports
 from fabric_fenicsx.errors import InputError
 
 MESH = Path(__file__).parent.parent / "meshes" / "drape.geo"
-SIDE, HEIGHT, TIME = 2.0, 0.40, 0.5  # m, m, s
+HEIGHT, TIME = 0.40, 0.5  # m, s
 ELEMENTS = {"element_207": (206 % 20, 206 // 20), "element_271": (270 % 20, 270 // 20)}
 """Place in the 20 x 20 grid along warp and along weft."""
 
@@ -40,14 +40,13 @@ def probe(cloth, place):
     mesh = cloth.domain.mesh
     owned = mesh.topology.index_map(2).size_local
     x = mesh.geometry.x[mesh.geometry.dofmaps[0][:owned]].mean(axis=1)
-    inside = (np.floor(x[:, :2] / (SIDE / 20) + 1e-9) == place).all(axis=1)
+    inside = (np.floor(x[:, :2] / (moving.SIDE / 20) + 1e-9) == place).all(axis=1)
     count = mesh.comm.allreduce(int(inside.sum()))
 
     def values():
         strain = cloth.cell_strain()[:owned][inside][:, :2]
         if cloth.hooks:
-            stress = cloth.hooks[0].stress.ref_coefficient.x.array.reshape(cloth.hooks[0].strain.shape)
-            stress = stress[:owned][inside].mean(axis=1)[:, :2] / cloth.thickness
+            stress = cloth.hooks[0].resultants[:owned][inside].mean(axis=1)[:, :2] / cloth.thickness
         else:
             stress = strain @ cloth.law.stiffness[:2, :2].T
         total = np.concatenate([strain, stress / 1e6], axis=1).sum(axis=0)
@@ -58,20 +57,11 @@ def probe(cloth, place):
 
 def scene(args, comm=MPI.COMM_WORLD):
     """The sheet, held and ready to be pushed."""
-    fabric = fabrics.load(args.fabric)
-    law, shear = moving.law(args, fabric)
-    cells = moving.even(args.cells)
-    if cells % 10:
-        raise InputError(f"--cells {cells}: take a multiple of 10, so that the middle is made of whole cells.")
-    triangles = int(args.element in ("regge", "p2cr1"))
-    domain = meshing.read(MESH, comm, side=SIDE, n=cells, a=0.4 * SIDE, triangles=triangles)
-    cloth = sheet.Sheet(domain, law, fabric.thickness, (shear, shear), element=args.element, layers=args.layers)
-    held, move = supports.grip(domain, cloth.space, "middle")
-    bcs = supports.clamp(domain, cloth.space, "rim") + held
-    areal_mass = fabric.density * fabric.thickness
-    moved = motion.Motion(
-        cloth.q, cloth.mass(areal_mass, not args.no_rotary), cloth.shell, rho=args.rho, damping=args.damping
-    )
+    if args.cells % 10:
+        raise InputError(f"--cells {args.cells}: take a multiple of 10, so that the middle is made of whole cells.")
+    cloth, _, moved = moving.square(MESH, args, 0.4 * moving.SIDE, comm)
+    held, move = supports.grip(cloth.domain, cloth.space, "middle")
+    bcs = supports.clamp(cloth.domain, cloth.space, "rim") + held
     run = moving.runner(args, moved, 0, bcs, cloth, lambda t: move((0, 0, height(t, args.jerk))))
     ledger = energy.Ledger(run, None, cloth.stored, [(hook, 1.0) for hook in cloth.hooks])
     probes = {"center_z_m": moving.value_at(cloth, 2, "centre")}
@@ -79,7 +69,7 @@ def scene(args, comm=MPI.COMM_WORLD):
         values = probe(cloth, place)
         for k, column in enumerate(("E11", "E22", "S11_MPa", "S22_MPa")):
             probes[f"{name}_{column}"] = lambda values=values, k=k: values()[k]
-    name = f"poke of {fabric.name}" + (", St. Venant-Kirchhoff" if not cloth.hooks else "")
+    name = f"poke of {Path(args.fabric).stem}" + (", St. Venant-Kirchhoff" if not cloth.hooks else "")
     made_with = moving.settings("poke", args, "at constant speed" if args.jerk else "smoothly")
     return moving.Scene(name, cloth, run, ledger, probes, moving.yarn_strain(cloth), "larger yarn strain", made_with)
 

@@ -11,10 +11,9 @@ import numpy as np
 import ufl
 from dolfinx import fem
 
-from fabric_fenicsx import assumed_strain, continuation, directors, meshing, results, statics, supports, weakform
+from fabric_fenicsx import continuation, directors, meshing, results, sheet, statics, supports, weakform
 from fabric_fenicsx.errors import InputError, StepFailed
 from fabric_fenicsx.laws.svk import StVenantKirchhoff
-from fabric_fenicsx.stiffness import InternalWork
 
 MESHES = Path(__file__).parent.parent / "meshes"
 
@@ -67,22 +66,12 @@ class Shell:
             move_nodes(self.mesh, settings.skew, gather, numbers)
         elif settings.skew:
             raise InputError("Only strips can be skewed: end_shear, roll_up, heavy_elastica, locking.")
-        self.space = directors.ShellSpace(self.mesh, element)
-        self.q, test = self.space.function(), ufl.TestFunction(self.space.V)
-        (self.u, self.d), (self.v, self.w) = ufl.split(self.q), ufl.split(test)
-        self.load, self.bcs = fem.Constant(self.mesh, 0.0), []
-
-        h = fem.Constant(self.mesh, float(thickness))
-        strain, shear = assumed_strain.shell_strains(self.space, self.q, warp)
-        plane = StVenantKirchhoff.isotropic(E, nu).stiffness
-        section = np.kron(np.diag([thickness, thickness**3 / 12]), plane)
         G = shear_factor * E / (2 * (1 + nu))
-        across = weakform.shear_stiffness(self.mesh, (G, G), h)
-        self.works = [
-            InternalWork(self.space, self.q, strain, fem.Constant(self.mesh, section), self.space.dx),
-            InternalWork(self.space, self.q, shear, across, self.space.dx_shear),
-        ]
-        self.residual = 0
+        law, reach = StVenantKirchhoff.isotropic(E, nu), weakform.SHEAR_REACH
+        shell = sheet.Sheet(self.domain, law, thickness, (G, G), warp, element=element, reach=reach)
+        self.space, self.q, self.works = shell.space, shell.q, shell.works
+        self.u, self.d, self.v, self.w = shell.u, shell.director, shell.v, shell.delta
+        self.load, self.bcs, self.residual = fem.Constant(self.mesh, 0.0), [], 0
 
     def clamp(self, group):
         """Hold displacement and director of an edge."""
@@ -120,10 +109,7 @@ class Shell:
 
     def mean(self, group, axis):
         """Mean displacement of a group's nodes along an axis; to be called on every rank."""
-        dofs = supports.unknowns(self.domain, self.space, group, "xyz".index(axis))
-        owned = dofs[dofs < self.space.V.dofmap.index_map.size_local]
-        total, count = self.comm.allreduce(np.array([self.q.x.array[owned].sum(), len(owned)]))
-        return total / count
+        return supports.mean(self.domain, self.space, self.q, group, "xyz".index(axis))
 
     def solver(self):
         """Newton on this shell, patient: at its start a thin shell is far from balance."""

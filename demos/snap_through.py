@@ -16,11 +16,10 @@ import csv
 from pathlib import Path
 
 import numpy as np
-import ufl
 from dolfinx import fem
 from scipy.interpolate import CubicSpline
 
-from fabric_fenicsx import assumed_strain, command, continuation, directors, meshing, results, statics, supports
+from fabric_fenicsx import command, continuation, directors, meshing, results, sheet, statics, supports
 from fabric_fenicsx import weakform as wf
 from fabric_fenicsx.errors import StepFailed
 from fabric_fenicsx.laws.svk import StVenantKirchhoff
@@ -48,28 +47,19 @@ class Roof:
             HERE.parent / "meshes" / "cylinder.geo", comm, radius=RADIUS, length=LENGTH, angle=np.degrees(ANGLE),
             nx=cells, ny=cells, order=degree, triangles=int(kind == "triangle"),
         )  # fmt: skip
-        self.space = space = directors.ShellSpace(domain.mesh, element)
-        self.q, test = space.function(), ufl.TestFunction(space.V)
-        strain, shear = assumed_strain.shell_strains(space, self.q, (0, 1, 0))
-        plane, G = StVenantKirchhoff.isotropic(E, NU).stiffness, E / 2 / (1 + NU)
-        section = np.kron(np.diag([thickness, thickness**3 / 12]), plane)
-        stress = wf.elastic_stress(domain.mesh, section, strain)
-        shear_stress = ufl.dot(wf.shear_stiffness(domain.mesh, (G, G), thickness), shear)
-
+        G = E / 2 / (1 + NU)
+        law, reach = StVenantKirchhoff.isotropic(E, NU), wf.SHEAR_REACH
+        shell = sheet.Sheet(domain, law, thickness, (G, G), (0, 1, 0), element=element, reach=reach)
+        self.space, self.q = shell.space, shell.q
         self._load = fem.Constant(domain.mesh, (0.0, 0.0, 0.0))
-        v, _ = ufl.split(test)
-        residual = (
-            wf.internal(stress, strain, self.q, test, 1.0, space.dx)
-            + wf.internal(shear_stress, shear, self.q, test, 1.0, space.dx_shear)
-            - wf.point_force(self._load, v, supports.over(domain, "A", degree=1))
-        )
+        load = wf.point_force(self._load, shell.v, supports.over(domain, "A", degree=1))
         bcs = (
-            supports.hinge(domain, space, "side")
-            + supports.symmetry(domain, space, "top", axis=0)
-            + supports.symmetry(domain, space, "middle", axis=1)
+            supports.hinge(domain, shell.space, "side")
+            + supports.symmetry(domain, shell.space, "top", axis=0)
+            + supports.symmetry(domain, shell.space, "middle", axis=1)
         )
-        self.solver = statics.StaticSolver(residual, self.q, bcs, space=space)
-        self._loaded, self._held = (supports.unknowns(domain, space, name, 2) for name in ("A", "side"))
+        self.solver = statics.StaticSolver(-load, self.q, bcs, space=shell.space, works=shell.works)
+        self._held = supports.unknowns(domain, shell.space, "side", 2)
 
     def put(self, load):
         """Load of the whole roof in N."""
@@ -77,8 +67,7 @@ class Roof:
 
     def deflection(self):
         """Under the load, m; to be called on every rank."""
-        owned = self._loaded[self._loaded < self.space.V.dofmap.index_map.size_local]
-        return -self.solver.comm.allreduce(self.q.x.array[owned].sum())
+        return -supports.mean(self.domain, self.space, self.q, "A", 2)
 
     def support(self):
         """Upward force of the supports of the whole roof, N."""

@@ -51,17 +51,23 @@ class Sheet:
         self.internal, self.stored = Form([]), Form([])
         self.hooks: list[LawHook] = []
         self.works: list[InternalWork] = []
-        self._reach = reach
         self.shell: directors.ShellSpace | None = None
         self._strain: fem.Expression | None = None
-        build = self._build_shell if kinematics == "shell" else self._build_membrane
-        build(warp, element, layers, shear)
+        if kinematics == "membrane":
+            self._build_membrane(warp, element)
+        elif shear is None:
+            raise InputError("A shell needs two transverse shear moduli, shear=(G13, G23) in Pa.")
+        else:
+            self._build_shell(warp, element, layers, shear, reach)
 
     def _build_shell(
-        self, warp: Sequence[float] | Expr, element: str | None, layers: int, shear: tuple[float, float] | None
+        self,
+        warp: Sequence[float] | Expr,
+        element: str | None,
+        layers: int,
+        shear: tuple[float, float],
+        reach: float | None,
     ) -> None:
-        if shear is None:
-            raise InputError("A shell needs two transverse shear moduli, shear=(G13, G23) in Pa.")
         mesh, h = self.domain.mesh, fem.Constant(self.domain.mesh, self.thickness)
         self.space = self.shell = space = directors.ShellSpace(mesh, element)
         self.q, self.test = space.function(), ufl.TestFunction(space.V)
@@ -69,7 +75,6 @@ class Sheet:
         self.dx = space.dx
         self.strain, across = assumed_strain.shell_strains(space, self.q, warp)
         through = section.Section(self.law, self.thickness, layers)
-        reach = self._reach
         if reach is None:
             # bilinear cells do not need the limit; where a sheet is thrown about, a loosely held director turns over
             reach = weakform.SHEAR_REACH if mesh.basix_cell().name == "triangle" else 0.0
@@ -89,9 +94,7 @@ class Sheet:
         ]
         self.internal = self.works[0].form + self.works[1].form
 
-    def _build_membrane(
-        self, warp: Sequence[float] | Expr, element: str | None, layers: int, shear: tuple[float, float] | None
-    ) -> None:
+    def _build_membrane(self, warp: Sequence[float] | Expr, element: str | None) -> None:
         mesh = self.domain.mesh
         degree = 2 if mesh.basix_cell().name == "triangle" and element != "p1" else 1
         self.space = fem.functionspace(mesh, ("Lagrange", degree, (3,)))

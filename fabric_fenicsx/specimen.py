@@ -8,11 +8,10 @@ import ufl
 from dolfinx import fem
 from ufl.form import Form
 
-from . import assumed_strain, directors, frame, hook, kinematics, statics, supports, weakform
+from . import frame, hook, kinematics, sheet, statics, supports, weakform
 from .fabrics import Fabric
-from .laws import Law, section
+from .laws import Law
 from .meshing import Domain
-from .stiffness import InternalWork
 
 FOUNDATION = 1.0  # N/m3
 
@@ -59,16 +58,10 @@ def strip(
     if level == "shell":
         x = mesh.geometry.x
         x[:, 2] = imperfection * np.sin(np.pi * x[:, 0] / x[:, 0].max(initial=1e-9))
-        shell = directors.ShellSpace(mesh, "q1" if mesh.basix_cell().name == "quadrilateral" else None)
-        u = shell.function()
-        strain, shear = assumed_strain.shell_strains(shell, u, warp)
-        cloth = hook.LawHook(section.Section(law, h), strain, mesh, directors.DEGREE)
+        element = "q1" if mesh.basix_cell().name == "quadrilateral" else None
         G = fabric.shear.modulus[0]
-        stiffness = weakform.shear_stiffness(mesh, (G, G), fem.Constant(mesh, h))
-        works = [
-            InternalWork(shell, u, strain, cloth, cloth.dx),
-            InternalWork(shell, u, shear, stiffness, shell.dx_shear),
-        ]
+        bent = sheet.Sheet(domain, law, h, (G, G), warp, element=element, reach=weakform.SHEAR_REACH)
+        u, shell, cloth, works = bent.q, bent.shell, bent.hooks[0], bent.works
     else:
         flat = fem.functionspace(mesh, ("Lagrange", degree, (mesh.geometry.dim,)))
         u, v = fem.Function(flat), ufl.TestFunction(flat)

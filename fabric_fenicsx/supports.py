@@ -43,6 +43,15 @@ def unknowns(domain: Domain, space: Space, name: str, component: int) -> np.ndar
     return _at(domain, name, _displacement(space).sub(component))
 
 
+def mean(domain: Domain, space: Space, q: fem.Function, name: str, component: int) -> float:
+    """Mean displacement along one axis of the nodes of a group, m; to be called on every rank. q: of the space."""
+    dofs = unknowns(domain, space, name, component)
+    dofmap = q.function_space.dofmap
+    owned = dofs[dofs < dofmap.index_map.size_local * dofmap.index_map_bs]
+    total, count = domain.mesh.comm.allreduce(np.array([q.x.array[owned].sum(), len(owned)]))
+    return float(total / count)
+
+
 def hinge(domain: Domain, space: Space, name: str) -> Conditions:
     """No displacement; a shell may turn."""
     return [bc for i in range(domain.mesh.geometry.dim) for bc in lead(domain, space, name, i, 0.0)]
