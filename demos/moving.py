@@ -57,7 +57,7 @@ def square(mesh, args, a, comm):
     domain = read(mesh, args.element, comm, side=SIDE, n=args.cells, a=a)
     cloth = sheet.Sheet(domain, own_law, fabric.thickness, (G, G), element=args.element, layers=args.layers)
     areal_mass = fabric.density * fabric.thickness
-    mass = cloth.mass(areal_mass, not args.no_rotary)
+    mass = cloth.mass(areal_mass, args.rotary)
     return cloth, areal_mass, motion.Motion(cloth.q, mass, cloth.shell, rho=args.rho, damping=args.damping)
 
 
@@ -83,7 +83,7 @@ def add_arguments(parser, end, rho):
     parser.add_argument("--end", type=command.number, default=end, help="s")
     parser.add_argument("--method", choices=["implicit", "explicit"], default="implicit")
     parser.add_argument("--damping", type=command.number, default=0.0, help="a of Rayleigh's a M, 1/s")
-    parser.add_argument("--no-rotary", action="store_true", help="directors without inertia")
+    parser.add_argument("--rotary", choices=sheet.ROTARY, default="cell", help="inertia of directors")
     parser.add_argument("--resume", type=Path, help="go on from this checkpoint")
     add_common(parser, rho, 1e-4)
 

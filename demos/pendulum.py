@@ -19,7 +19,7 @@ import numpy as np
 from dolfinx import fem
 from scipy.special import ellipk
 
-from fabric_fenicsx import command, dynamics, energy, motion, results, sheet, supports, weakform
+from fabric_fenicsx import command, dynamics, energy, motion, results, sheet, supports
 from fabric_fenicsx.errors import InputError
 from fabric_fenicsx.laws.svk import StVenantKirchhoff
 
@@ -44,9 +44,7 @@ def scene(args, degrees=90.0, comm=MPI.COMM_WORLD):
     down = SIDE - x[:, 1]
     x[:] = np.stack([np.sin(angle) * down, x[:, 0], -np.cos(angle) * down], axis=1)
     law, shear = StVenantKirchhoff.isotropic(E, NU), E / 2 / (1 + NU)
-    # oscillations of transverse shear, far faster than any step, would make the trapezoidal rule unstable
-    reach = weakform.SHEAR_REACH
-    plate = sheet.Sheet(domain, law, THICKNESS, (shear, shear), (0.0, 1.0, 0.0), element=args.element, reach=reach)
+    plate = sheet.Sheet(domain, law, THICKNESS, (shear, shear), (0.0, 1.0, 0.0), element=args.element)
     weight = plate.weight(AREAL_MASS, fem.Constant(domain.mesh, np.array([0.0, 0.0, 0.0 if args.free else -G])))
     bcs = [] if args.free else supports.hinge(domain, plate.space, "top")
     moved = motion.Motion(plate.q, plate.mass(AREAL_MASS), plate.shell, rho=args.rho)

@@ -67,8 +67,8 @@ class Shell:
         elif settings.skew:
             raise InputError("Only strips can be skewed: end_shear, roll_up, heavy_elastica, locking.")
         G = shear_factor * E / (2 * (1 + nu))
-        law, reach = StVenantKirchhoff.isotropic(E, nu), weakform.SHEAR_REACH
-        shell = sheet.Sheet(self.domain, law, thickness, (G, G), warp, element=element, reach=reach)
+        law = StVenantKirchhoff.isotropic(E, nu)
+        shell = sheet.Sheet(self.domain, law, thickness, (G, G), warp, element=element)
         self.space, self.q, self.works = shell.space, shell.q, shell.works
         self.u, self.d, self.v, self.w = shell.u, shell.director, shell.v, shell.delta
         self.load, self.bcs, self.residual = fem.Constant(self.mesh, 0.0), [], 0

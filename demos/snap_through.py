@@ -48,8 +48,8 @@ class Roof:
             nx=cells, ny=cells, order=degree, triangles=int(kind == "triangle"),
         )  # fmt: skip
         G = E / 2 / (1 + NU)
-        law, reach = StVenantKirchhoff.isotropic(E, NU), wf.SHEAR_REACH
-        shell = sheet.Sheet(domain, law, thickness, (G, G), (0, 1, 0), element=element, reach=reach)
+        law = StVenantKirchhoff.isotropic(E, NU)
+        shell = sheet.Sheet(domain, law, thickness, (G, G), (0, 1, 0), element=element)
         self.space, self.q = shell.space, shell.q
         self._load = fem.Constant(domain.mesh, (0.0, 0.0, 0.0))
         load = wf.point_force(self._load, shell.v, supports.over(domain, "A", degree=1))

@@ -164,6 +164,12 @@ class ShellSpace:
         values[self._u[:, 1]] = q[self._u[:, 0]]
         return values
 
+    def rate(self, v: Array) -> Array:
+        """A velocity v of (u, d), at the directors of the last commit, as a local array of W."""
+        values = self.at_rest(v)
+        values[self._theta] = np.einsum("nj,naj->na", v[self.nodes], self.frame[:, :2])
+        return values
+
     # -- what a solver asks for --------------------------------------------------------------------------
 
     def turn(self, y: fem.Function, q: fem.Function) -> PETSc.Mat:

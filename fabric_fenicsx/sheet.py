@@ -16,6 +16,9 @@ from .laws import Law, section
 from .meshing import Domain
 from .stiffness import InternalWork
 
+ROTARY = {"thickness": 0.0, "cell": 1.0, "none": None}
+"""Inertia of directors -> its `reach` in `weakform.rotary_inertia`."""
+
 
 class Sheet:
     """A shell or a membrane in space, at rest, with nothing that holds or loads it.
@@ -23,7 +26,7 @@ class Sheet:
     thickness in m; law: see `laws.Law`; one that is linear and symmetric (it has `stiffness`) needs no hook.
     shear: transverse shear moduli (G13, G23) in Pa, of a shell. warp: see `frame.surface_axes`.
     kinematics: "shell" or "membrane"; element: of a shell, see `directors.ELEMENTS`; layers: see `laws.section`.
-    reach: see `weakform.shear_stiffness`; by default the limit is for triangles alone.
+    reach: see `weakform.shear_stiffness`.
 
     Raises InputError. Public: `domain`, `q` (unknown: displacement, or displacement and director), `test`,
     `u` and `v` (the displacement's part of both, for loads), `space` (for `supports`), `shell` (a ShellSpace or
@@ -41,7 +44,7 @@ class Sheet:
         kinematics: str = "shell",
         element: str | None = None,
         layers: int = 3,
-        reach: float | None = None,
+        reach: float = weakform.SHEAR_REACH,
     ) -> None:
         if kinematics not in ("shell", "membrane"):
             raise InputError(f"kinematics={kinematics!r} is neither 'shell' nor 'membrane'.")
@@ -66,7 +69,7 @@ class Sheet:
         element: str | None,
         layers: int,
         shear: tuple[float, float],
-        reach: float | None,
+        reach: float,
     ) -> None:
         mesh, h = self.domain.mesh, fem.Constant(self.domain.mesh, self.thickness)
         self.space = self.shell = space = directors.ShellSpace(mesh, element)
@@ -75,11 +78,9 @@ class Sheet:
         self.dx = space.dx
         self.strain, across = assumed_strain.shell_strains(space, self.q, warp)
         through = section.Section(self.law, self.thickness, layers)
-        if reach is None:
-            # bilinear cells do not need the limit; where a sheet is thrown about, a loosely held director turns over
-            reach = weakform.SHEAR_REACH if mesh.basix_cell().name == "triangle" else 0.0
-        across_stiffness = weakform.shear_stiffness(mesh, shear, h, reach)
         linear = getattr(self.law, "stiffness", None)
+        stiffest = linear if linear is not None else getattr(getattr(self.law, "stiffest", None), "stiffness", None)
+        across_stiffness = weakform.shear_stiffness(mesh, shear, h, reach, _shear_modulus(stiffest, max(shear)))
         stress: LawHook | Expr
         if linear is None:
             stress = LawHook(through, self.strain, mesh, directors.DEGREE)
@@ -123,16 +124,33 @@ class Sheet:
         everywhere = np.arange(cells.size_local + cells.num_ghosts, dtype=np.int32)
         return np.asarray(self._strain.eval(self.domain.mesh, everywhere).mean(axis=1))
 
-    def mass(self, areal_mass: float, rotary: bool = True) -> Form:
-        """Bilinear form of the mass for `motion.Motion`, with or without directors (5.75); areal mass in kg/m2."""
+    def mass(self, areal_mass: float, rotary: str = "thickness") -> Form:
+        """Bilinear form of the mass for `motion.Motion`; areal mass in kg/m2.
+
+        rotary: inertia of directors, a name in `ROTARY`: that of the thickness (5.75), that of a cell, or none (see
+        `weakform.rotary_inertia`). Raises InputError.
+        """
+        if rotary not in ROTARY:
+            raise InputError(f"rotary={rotary!r} is not one of {', '.join(ROTARY)}.")
         dx = ufl.Measure("dx", self.domain.mesh, metadata={"quadrature_degree": 4})
         trial = ufl.TrialFunction(self.q.function_space)
         if self.shell is None:
             return weakform.inertia(areal_mass, trial, self.v, dx)
         u, d = ufl.split(trial)
         form = weakform.inertia(areal_mass, u, self.v, dx)
-        return form + weakform.rotary_inertia(areal_mass, self.thickness, d, self.delta, dx) if rotary else form
+        reach = ROTARY[rotary]
+        if reach is None:
+            return form
+        return form + weakform.rotary_inertia(areal_mass, self.thickness, d, self.delta, dx, reach)
 
     def weight(self, areal_mass: float, acceleration: Expr) -> Form:
         """Virtual work of the weight; subtract it. Areal mass in kg/m2, acceleration a vector in m/s2."""
         return weakform.gravity(areal_mass, acceleration, self.v, self.dx)
+
+
+def _shear_modulus(stiffness: np.ndarray | None, least: float) -> float:
+    """E/2/(1 + nu) of the larger modulus E of a plane stiffness (3, 3), if known; all in Pa."""
+    if stiffness is None:
+        return least
+    nu = np.sqrt(stiffness[0, 1] * stiffness[1, 0] / (stiffness[0, 0] * stiffness[1, 1]))
+    return max(least, float(stiffness.diagonal()[:2].max() * (1 - nu) / 2))

@@ -60,7 +60,7 @@ def strip(
         x[:, 2] = imperfection * np.sin(np.pi * x[:, 0] / x[:, 0].max(initial=1e-9))
         element = "q1" if mesh.basix_cell().name == "quadrilateral" else None
         G = fabric.shear.modulus[0]
-        bent = sheet.Sheet(domain, law, h, (G, G), warp, element=element, reach=weakform.SHEAR_REACH)
+        bent = sheet.Sheet(domain, law, h, (G, G), warp, element=element)
         u, shell, cloth, works = bent.q, bent.shell, bent.hooks[0], bent.works
     else:
         flat = fem.functionspace(mesh, ("Lagrange", degree, (mesh.geometry.dim,)))

@@ -41,9 +41,17 @@ def inertia(areal_mass: Expr | float, acceleration: Expr, v: Expr, dx: ufl.Measu
     return areal_mass * ufl.inner(acceleration, v) * dx
 
 
-def rotary_inertia(areal_mass: Expr | float, thickness: Expr | float, d: Expr, delta: Expr, dx: ufl.Measure) -> Form:
-    """Virtual work of the inertia of directors, rho h^3/12 in kg (5.75); d and delta as in `inertia`."""
-    return areal_mass * thickness**2 / 12 * ufl.inner(d, delta) * dx
+def rotary_inertia(
+    areal_mass: Expr | float, thickness: Expr | float, d: Expr, delta: Expr, dx: ufl.Measure, reach: float = 0.0
+) -> Form:
+    """Virtual work of the inertia of directors, rho h^3/12 in kg (5.75); d and delta as in `inertia`.
+
+    With h^2 + `reach` times the area of the cell in place of h^2. A cell much wider than the sheet is thick has
+    directors that turn a thousand times faster than its nodes move: no time step follows them, and in a sheet that
+    wrinkles from cell to cell they turn over. With a reach of 1 a director has the inertia of a cell, as in explicit
+    codes (Hughes, Cohen, Haroun 1978, doi 10.1016/0029-5493(78)90184-X); it vanishes with the square of the mesh.
+    """
+    return areal_mass * (thickness**2 + reach * _cell_area(dx.ufl_domain())) / 12 * ufl.inner(d, delta) * dx
 
 
 def stiffness_damping(
@@ -122,16 +130,24 @@ At h/L = 0.1, where shear is a sixth of the deflection, 0.1 adds 1.3, 0.3, 0.1 %
 
 
 def shear_stiffness(
-    domain: mesh.Mesh, moduli: tuple[float, float], thickness: Expr | float, reach: float = SHEAR_REACH
+    domain: mesh.Mesh,
+    moduli: tuple[float, float],
+    thickness: Expr | float,
+    reach: float = SHEAR_REACH,
+    bending: float | None = None,
 ) -> Expr:
     """Transverse shear stiffness (2, 2) in N/m, 5/6 h (G13, G23) of (6.30), limited on thin shells.
 
-    With h^3 / (h^2 + c A) in place of h, A the area of the cell, c = `reach`: on cells much wider than
+    With h^3 / (h^2 + c A G/B) in place of h, A the area of the cell, c = `reach`: on cells much wider than
     the shell is thick, shear stiffness beyond bending stiffness would lock the element and adds
     nothing (Lyly, Stenberg, Vihinen 1993, doi 10.1016/0045-7825(93)90018-Q, and common practice).
+    bending: B in Pa, E/2/(1 + nu) of the modulus E with which the shell bends; by default it is G, as if isotropic.
     """
-    h = thickness
+    h, area = thickness, reach * _cell_area(domain.ufl_domain())
+    limited = [5 / 6 * G * h**3 / (h**2 + area * (G / bending if bending else 1.0)) for G in moduli]
+    return ufl.as_matrix([[limited[0], 0.0], [0.0, limited[1]]])
+
+
+def _cell_area(domain: ufl.Mesh) -> Expr:
     # UFL's CellVolume is for flat triangles only
-    area = ufl.JacobianDeterminant(domain) * (0.5 if domain.basix_cell().name == "triangle" else 1.0)
-    limited = h**3 / (h**2 + reach * area)
-    return 5 / 6 * limited * fem.Constant(domain, np.diag(np.array(moduli, dtype=float)))
+    return ufl.JacobianDeterminant(domain) * (0.5 if domain.ufl_cell() == ufl.triangle else 1.0)

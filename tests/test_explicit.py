@@ -39,7 +39,7 @@ def test_lumped_mass_is_positive_and_whole(triangles):
         for component in range(3):
             unknowns = cloth.space.V.sub(part).sub(component).collapse()[1]
             assert abs(m[unknowns].sum() / expected - 1) < 1e-12
-    still = motion.Motion(cloth.q, cloth.mass(motions.AREAL_MASS, rotary=False), cloth.shell)
+    still = motion.Motion(cloth.q, cloth.mass(motions.AREAL_MASS, rotary="none"), cloth.shell)
     with pytest.raises(InputError, match="directors with inertia"):
         stable_step.lumped(still)
 
