@@ -58,7 +58,11 @@ def square(mesh, args, a, comm):
     cloth = sheet.Sheet(domain, own_law, fabric.thickness, (G, G), element=args.element, layers=args.layers)
     areal_mass = fabric.density * fabric.thickness
     mass = cloth.mass(areal_mass, not args.no_rotary)
-    return cloth, areal_mass, motion.Motion(cloth.q, mass, cloth.shell, rho=args.rho, damping=args.damping)
+    return (
+        cloth,
+        areal_mass,
+        motion.Motion(cloth.q, mass, cloth.shell, args.rho, damping=args.damping, lumped=args.lumped),
+    )
 
 
 def pair(text):
@@ -84,6 +88,8 @@ def add_arguments(parser, end, rho):
     parser.add_argument("--method", choices=["implicit", "explicit"], default="implicit")
     parser.add_argument("--damping", type=command.number, default=0.0, help="a of Rayleigh's a M, 1/s")
     parser.add_argument("--no-rotary", action="store_true", help="directors without inertia")
+    parser.add_argument("--lumped", action="store_true", help="lumped mass, as explicit motion has it")
+    parser.add_argument("--rotary", type=command.number, help="explicit: factor on the inertia of directors")
     parser.add_argument("--resume", type=Path, help="go on from this checkpoint")
     add_common(parser, rho, 1e-4)
 
@@ -100,7 +106,7 @@ def runner(args, moved, loads, bcs, cloth, set_load=lambda t: None):
     """The time integrator that the command line asks for; loads: virtual work of forces, a form or 0."""
     if args.method == "implicit":
         return dynamics.Newmark(moved, -loads, bcs, (), set_load, rtol=args.rtol, works=cloth.works)
-    run = explicit.CentralDifference(moved, cloth.internal - loads, bcs, cloth.hooks, set_load)
+    run = explicit.CentralDifference(moved, -loads, bcs, (), set_load, args.rotary, works=cloth.works)
     command.say(f"stable step {run.stable * 1e6:.3g} us; inertia of directors times {run.rotary:.3g}")
     return run
 
@@ -228,11 +234,16 @@ def plot(path, table, scene):
 
 
 def summary(table, ledger):
-    """Two lines on steps and energies; the largest imbalance in percent of the largest external work."""
+    """Lines on steps, cost and energies; the largest imbalance in percent of the largest external work."""
     iterations, imbalance = table.column("newton_iterations"), 100 * ledger.worst / max(ledger.most, 1e-300)
     cuts, taken, seconds = (table.column(name).sum() for name in ("step_cuts", "steps_taken", "wall_s"))
     t, newton = ledger.totals, f"{iterations.sum() / taken:.1f} Newton iterations a step taken"
     command.say(f"{len(iterations)} steps, {cuts:g} cuts, {taken:g} steps taken, {newton}, {seconds:.1f} s")
+    unknowns = ledger.motion.q.function_space.dofmap.index_map.size_global
+    best = (table.column("wall_s") / table.column("steps_taken")).min()
+    command.say(
+        f"{1e6 * seconds / taken / unknowns:.3g} us per unknown and step taken, {1e6 * best / unknowns:.3g} at best"
+    )
     command.say(
         f"energy: external work {t['external']:.4g} J, {ledger.most:.4g} J at most; kinetic {t['kinetic']:.3g}, "
         f"recoverable {t['recoverable']:.3g}, by the law {t['by_law']:.3g}, by damping {t['by_damping']:.3g}, "

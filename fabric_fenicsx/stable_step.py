@@ -1,4 +1,4 @@
-"""Lumped mass, and the largest stable step of explicit motion with it."""
+"""The largest stable step of explicit motion."""
 
 import math
 from collections.abc import Sequence
@@ -8,7 +8,6 @@ import numpy as np
 from mpi4py import MPI
 from dolfinx import fem
 
-from .errors import InputError
 from .laws import Array
 from .motion import Motion
 
@@ -29,29 +28,6 @@ class Run(Protocol):
     def owned(self) -> int: ...
     def evaluate(self) -> Array: ...
     def lay(self, values: Array, q: Array) -> None: ...
-
-
-def lumped(motion: Motion) -> Array:
-    """Mass of each local unknown: the diagonal, that of displacements and of directors scaled to keep its total.
-
-    Raises InputError, on every rank, for a shell whose directors have no inertia.
-    """
-    V = motion.q.function_space
-    directors = np.empty(0, dtype=np.int32) if motion.space is None else motion.space.nodes.ravel()
-    diagonal, one, image = (fem.Function(V) for _ in range(3))
-    motion.mass.getDiagonal(diagonal.x.petsc_vec)
-    diagonal.x.scatter_forward()
-    m, size = diagonal.x.array.copy(), V.dofmap.index_map.size_local * V.dofmap.index_map_bs
-    for kind in (np.setdiff1d(np.arange(len(m)), directors), directors):
-        one.x.array[:] = 0.0
-        one.x.array[kind] = 1.0
-        motion.mass.mult(one.x.petsc_vec, image.x.petsc_vec)
-        own = kind[kind < size]
-        total, part = V.mesh.comm.allreduce(np.array([image.x.array[own].sum(), m[own].sum()]))
-        m[kind] *= total / part if part > 0.0 else 1.0
-    if V.mesh.comm.allreduce(bool((m <= 0.0).any()), MPI.LOR):
-        raise InputError("Explicit motion needs directors with inertia: leave the rotary part of the mass in.")
-    return np.asarray(m)
 
 
 def find(run: Run, rotary: float | None) -> tuple[float, float]:
