@@ -35,8 +35,8 @@ class CentralDifference(Stepper):
 
     motion, residual, bcs, hooks, works, set_load, start: as for `dynamics.Newmark`. rotary: factor on the inertia of
     directors; None takes the smallest, at least 1, with which they do not make the step shorter than the displacements
-    do, said in `rotary`. A scaled one slows the turn of directors, and with it the shortest folds: the error falls in
-    proportion to the factor, the step with its root.
+    do, but no more than gives them a radius of gyration of a tenth of a cell, whatever the thickness; said in `rotary`.
+    It slows the shortest folds: the error falls in proportion to the factor, the step with its root.
 
     `stable` is the largest stable step in s, 2/omega of the fastest oscillation with the stiffest tangent that the law
     tells (`stiffest`, else the one at rest) on the present shape, by power iteration.

@@ -11,6 +11,12 @@ from dolfinx import fem
 from .laws import Array
 from .motion import Motion
 
+REACH = 0.1
+"""Largest radius of gyration that scaled directors get, as a part of a cell: it slows the shortest folds.
+
+Without this limit it would be a third of a cell in a stiff sheet.
+"""
+
 
 class Run(Protocol):
     """What is asked of `explicit.CentralDifference`; `mass` is a local array, that of directors is scaled by `find`."""
@@ -43,13 +49,22 @@ def find(run: Run, rotary: float | None) -> tuple[float, float]:
         if directors.size:
             alone, turning = free.copy(), np.zeros_like(free)
             alone[directors], turning[directors] = 0.0, free[directors]
-            rotary = max(1.0, fastest(run, turning) / fastest(run, alone))
+            gyration = run.comm.allreduce(np.array([run.mass[own].sum() for own in _owned(run, directors)]))
+            most = (REACH * _length(run)) ** 2 * gyration[0] / gyration[1]
+            rotary = max(1.0, min(most, fastest(run, turning) / fastest(run, alone)))
     run.mass[directors] *= rotary
     step = 2.0 / math.sqrt(fastest(run, free))
     for hook, law in zip(run.hooks, laws, strict=True):
         hook.law = law
     run.evaluate()
     return step, rotary
+
+
+def _owned(run: Run, directors: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Owned unknowns of displacements, and of directors."""
+    own = np.arange(run.owned)
+    turning = np.isin(own, directors)
+    return own[~turning], own[turning]
 
 
 def fastest(run: Run, free: Array, iterations: int = 60) -> float:
