@@ -5,13 +5,14 @@ At every accepted step
     external work = kinetic + recoverable + dissipated by the law, by damping, by the scheme + imbalance.
 
 Work of nodal forces is by the trapezoidal rule, (f0 + f1)/2 . (q1 - q0). What the law takes is integrated at its own
-points along the straight path of strain, by Simpson's rule with one more call of the law; elastic energy is
-exact. The scheme's part is (M a0 + M a1)/2 . (q1 - q0) less the change of kinetic energy: zero for the
-trapezoidal rule, and not negative in a linear problem. The imbalance is then what no term explains, the
-error of the finite step; it grows without bound where a run is unstable.
+points along the straight path of strain, by Simpson's rule with one more call of the law; elastic energy is exact. The
+scheme's part is (M a0 + M a1)/2 . (q1 - q0) less the change of kinetic energy: zero for the trapezoidal rule, and not
+negative in a linear problem. An explicit motion is weighed every few steps, and tells its scheme's part itself. The
+imbalance is then what no term explains, the error of the finite step; it grows without bound where a run is unstable.
 """
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 import ufl
@@ -61,7 +62,8 @@ class Ledger:
         self.most = self.worst = 0.0
         """Largest external work and largest imbalance so far, J, without their signs."""
         self._law = 0.0
-        self._last: tuple[Array, ...] | None = None
+        self._last: tuple[Any, ...] | None = None
+        self._explicit = isinstance(run, CentralDifference)
         run.ledger = self
 
     def start(self) -> None:
@@ -69,26 +71,27 @@ class Ledger:
         self.motion.q.x.scatter_forward()
         self._last = self._forces()
         for work in self._works:
-            work.start()
+            work.start(work.hook.history.committed)
         kinetic, elastic = self.motion.kinetic(), self._elastic_energy()
         self.totals |= {"kinetic": kinetic, "recoverable": elastic, "external": kinetic + elastic}
 
     def weigh(self) -> float:
         """Account for the step that is solved but not yet committed; what it adds to the imbalance, J."""
         assert self._last is not None
-        q0, fe0, fd0, ma0, r0 = self._last
-        self._next = q1, fe1, fd1, ma1, r1 = self._forces()
+        q0, fe0, fd0, ma0, r0, lag0 = self._last
+        self._next = q1, fe1, fd1, ma1, r1, lag1 = self._forces()
         dq = q1 - q0
         external = np.sum((fe0 + fe1) * dq) + np.sum((r0 + r1) * dq[self._given])
-        local = [external, np.sum((fd0 + fd1) * dq), np.sum((ma0 + ma1) * dq)]
+        local = [external, np.sum((fd0 + fd1) * dq), np.sum((ma0 + ma1) * dq), 2 * (lag0 - lag1)]
         works = np.array([work.weigh() for work in self._works]).reshape(-1, 2).sum(axis=0)
         sums = self.comm.allreduce(np.array([*(0.5 * np.array(local)), *works]))
         t, kinetic, elastic = self.totals.copy(), self.motion.kinetic(), self._elastic_energy()
-        self._law_next = self._law + sums[3]
-        kept = sums[4] if self._tells else self._law_next
+        self._law_next = self._law + sums[4]
+        kept = sums[5] if self._tells else self._law_next
         t["external"] += sums[0]
         t["by_damping"] += sums[1]
-        t["by_scheme"] += sums[2] - (kinetic - t["kinetic"])
+        # an explicit scheme tells it in closed form, whatever number of steps has been made
+        t["by_scheme"] += sums[3] if self._explicit else sums[2] - (kinetic - t["kinetic"])
         t["kinetic"], t["recoverable"], t["by_law"] = kinetic, elastic + kept, self._law_next - kept
         explained = sum(value for name, value in t.items() if name not in ("external", "imbalance"))
         t["imbalance"] = t["external"] - explained
@@ -100,7 +103,7 @@ class Ledger:
         t = self.totals = self._totals_next
         self._last, self._law = self._next, self._law_next
         for work in self._works:
-            work.start()
+            work.start(work.hook.history.trial)
         self.most, self.worst = max(self.most, abs(t["external"])), max(self.worst, abs(t["imbalance"]))
 
     def row(self) -> dict[str, float]:
@@ -133,7 +136,7 @@ class Ledger:
         """Go on from a state that has been put in place from outside."""
         self._last = self._forces()
         for work in self._works:
-            work.start()
+            work.start(work.hook.history.committed)
 
     def _elastic_energy(self) -> float:
         return 0.0 if self._stored is None else float(self.comm.allreduce(fem.assemble_scalar(self._stored)))
@@ -147,8 +150,8 @@ class Ledger:
         self._vector.ghostUpdate(PETSc.InsertMode.ADD, PETSc.ScatterMode.REVERSE)
         return np.array(self._vector.array_r)
 
-    def _forces(self) -> tuple[Array, ...]:
-        """Owned parts of q, external, damping and inertia forces, and reactions at given unknowns."""
+    def _forces(self) -> tuple[Any, ...]:
+        """Owned parts of q, external, damping and inertia forces, reactions at given unknowns, the scheme's `lag`."""
         motion, size = self.motion, self._vector.local_size
         reaction = self._run.forces()[self._given]
         damping = self._assembled(self._damping)
@@ -156,7 +159,8 @@ class Ledger:
         damping = damping + motion.damping * self._vector.array_r
         motion.mass.mult(motion.acceleration.x.petsc_vec, self._vector)
         inertia = np.array(self._vector.array_r)
-        return motion.q.x.array[:size].copy(), self._assembled(self._external), damping, inertia, reaction
+        lag = self._run.lag() if isinstance(self._run, CentralDifference) else 0.0
+        return motion.q.x.array[:size].copy(), self._assembled(self._external), damping, inertia, reaction, lag
 
 
 class LawWork:
@@ -175,10 +179,10 @@ class LawWork:
         n, m = self._now()[0].shape
         self._scratch = np.empty((n, m)), np.empty((n, m, m)), np.empty_like(hook.history.committed)
 
-    def start(self) -> None:
-        """From the present strain on."""
+    def start(self, state: Array) -> None:
+        """From the present strain, and the state after it, on."""
         strain, stress = self._now()
-        self._strain, self._stress = strain.copy(), stress.copy()
+        self._strain, self._stress, self._state = strain.copy(), stress.copy(), state.copy()
 
     def _now(self) -> tuple[Array, Array]:
         m = self.hook.strain.shape[-1]
@@ -189,7 +193,7 @@ class LawWork:
         hook = self.hook
         strain, stress = self._now()
         change = strain - self._strain
-        hook.law.respond(self._strain + 0.5 * change, hook.history.committed, self._scratch)
+        hook.law.respond(self._strain + 0.5 * change, self._state, self._scratch)
         mean = (self._stress + 4.0 * self._scratch[0] + stress) / 6.0
         work = float(self._weights @ np.einsum("na,na->n", mean, change))
         if self._recoverable is None:

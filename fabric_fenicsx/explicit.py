@@ -1,14 +1,15 @@
 """Explicit dynamics: Newmark with beta = 0, gamma = 1/2 (central differences) as a PETSc TS, with lumped mass.
 
-Nothing is solved for, and no tangent is compiled. Mass is lumped in proportion to the diagonal of the mass matrix, the
-total kept (Hinton, Rock and Zienkiewicz 1976, doi 10.1002/eqe.4290040305): positive for quadratic triangles too, whose
-row sums vanish at corners. Directors turn on their sphere by the angle of a step.
+Nothing is solved for, and no tangent is compiled. Mass is lumped, see `motion.Motion.lump`. Directors turn on their
+sphere by the angle of a step.
 """
 
 import math
 import time
 from collections.abc import Callable, Iterator, Sequence
+from typing import Any
 
+import numba
 import numpy as np
 from dolfinx import fem, la
 from petsc4py import PETSc
@@ -21,17 +22,19 @@ from .hook import LawHook, plain
 from .laws import Array
 from .motion import Motion
 from .stepper import Stepper
+from .stiffness import InternalWork
 
 SAFETY = 0.9
 """Step as a part of the largest stable one."""
+WEIGH = 20
+"""Steps from one entry of the ledger to the next."""
 
 
 class CentralDifference(Stepper):
     """M a + residual(q, velocity) = 0 at the start of every step; a Python type of PETSc's TS, which is `ts`.
 
-    motion, residual, bcs, hooks, set_load, start: as for `dynamics.Newmark`. rotary: factor on the inertia of
-    directors; None takes the smallest, at least 1, with which they do not make the step shorter than the displacements
-    do, said in `rotary`. A scaled one slows the turn of directors, not the motion of the sheet.
+    motion, residual, bcs, hooks, works, set_load, start: as for `dynamics.Newmark`. Directors should have the inertia
+    of a cell (`Sheet.mass`): with that of the thickness the step is shorter by half.
 
     `stable` is the largest stable step in s, 2/omega of the fastest oscillation with the stiffest tangent that the law
     tells (`stiffest`, else the one at rest) on the present shape, by power iteration.
@@ -40,31 +43,39 @@ class CentralDifference(Stepper):
     def __init__(
         self,
         motion: Motion,
-        residual: Form,
+        residual: Form | int,
         bcs: Sequence[fem.DirichletBC],
         hooks: Sequence[LawHook] = (),
         set_load: Callable[[float], None] = lambda t: None,
-        rotary: float | None = None,
         start: float = 0.0,
+        works: Sequence[InternalWork] = (),
     ) -> None:
         super().__init__(motion, bcs, set_load, start)
-        self.hooks, self.q, self.V = tuple(hooks), motion.q, motion.q.function_space
-        self._form = fem.form(plain(residual, self.hooks))
+        self.hooks = (*hooks, *(work.hook for work in works if work.hook is not None))
+        self.works, self.q, self.V = tuple(works), motion.q, motion.q.function_space
+        self._form: fem.Form | None = None
+        self._dead: list[Any] | None = None
+        if isinstance(residual, Form):
+            residual = plain(residual, self.hooks)
+            self._form, given = fem.form(residual), [*residual.constants(), *residual.coefficients()]
+            moving = {self.q, motion.velocity, *(hook.stress.ref_coefficient for hook in self.hooks)}
+            self._dead = None if moving.intersection(given) else given
+        self._load, self._known = np.zeros_like(self.q.x.array), np.full(1, np.nan)
         self._force = la.vector(self.V.dofmap.index_map, self.V.dofmap.index_map_bs)
         self._given_v = self._given_a = np.zeros(len(motion.given))
         self.directors = np.empty((0, 3), dtype=np.int32) if motion.space is None else motion.space.nodes
-        self.mass = stable_step.lumped(motion)
-        self.stable, self.rotary = stable_step.find(self, rotary)
+        self._displacements = np.setdiff1d(np.arange(len(self.q.x.array), dtype=np.int32), self.directors.ravel())
+        self.mass = motion.lump()
+        if self.comm.allreduce(bool((self.mass <= 0.0).any())):
+            raise InputError("Explicit motion needs directors with inertia: leave the rotary part of the mass in.")
+        self.stable = stable_step.find(self)
         lumped = fem.Function(self.V)
         lumped.x.array[:] = self.mass
         motion.mass = PETSc.Mat().createDiagonal(lumped.x.petsc_vec.copy())
 
     def lay(self, values: Array, q: Array) -> None:
         """Take from directors' values what is along the directors of q."""
-        d = q[self.directors]
-        d = d / np.linalg.norm(d, axis=1, keepdims=True)
-        w = values[self.directors]
-        values[self.directors] = w - (w * d).sum(axis=1, keepdims=True) * d
+        _lay(values, q, self.directors)
 
     # -- what a checkpoint asks for -------------------------------------------------------------------------------
 
@@ -83,6 +94,8 @@ class CentralDifference(Stepper):
         self.evaluate()
         self._go_on()
 
+    _weighs = True
+
     # -- a step ---------------------------------------------------------------------------------------------------
 
     @property
@@ -93,27 +106,35 @@ class CentralDifference(Stepper):
     def evaluate(self) -> Array:
         """Residual at the present q and velocity, local array, complete on ghosts too."""
         for hook in self.hooks:
-            hook.evaluate()
-        self._force.array[:] = 0.0
-        fem.assemble_vector(self._force.array, self._form)
+            hook.evaluate(tangent=False)
+        force = self._force.array
+        force[:] = self._loads()
+        for work in self.works:
+            work.add_force(force)
         self._force.scatter_reverse(la.InsertMode.add)
         self._force.scatter_forward()
-        return self._force.array
+        return np.asarray(force)
+
+    def _loads(self) -> Array:
+        """What is not in `works`; dead loads are assembled anew only where they have changed."""
+        if self._form is None:
+            return self._load
+        if self._dead is not None:
+            parts = [np.ravel(c.value) if isinstance(c, fem.Constant) else c.x.array for c in self._dead]
+            known = np.concatenate([*parts, [0.0]])
+            if np.array_equal(known, self._known):
+                return self._load
+            self._known = known
+        self._load[:] = 0.0
+        fem.assemble_vector(self._load, self._form)
+        return self._load
 
     def step(self, ts: PETSc.TS) -> None:
         """One step of `ts`'s length; never raises."""
-        motion, dt, directors = self.motion, ts.getTimeStep(), self.directors
+        motion, dt = self.motion, ts.getTimeStep()
         q, v, a = self.q.x.array, motion.velocity.x.array, motion.acceleration.x.array
         v += 0.5 * dt * a
-        turn = dt * v[directors]
-        d = q[directors]
-        q += dt * v
-        if len(directors):
-            angle = np.linalg.norm(turn, axis=1, keepdims=True)
-            c, s = np.cos(angle), np.sinc(angle / np.pi)
-            q[directors] = c * d + s * turn
-            # carried along the same turn
-            v[directors] = (c * turn - angle**2 * s * d) / dt
+        _drift(q, v, self._displacements, self.directors, dt)
         self.time += dt
         self._move_supports(dt)
         force = self.evaluate()
@@ -125,7 +146,7 @@ class CentralDifference(Stepper):
         self.lay(a, q)
         v += 0.5 * dt * a
         v[motion.given] = self._given_v
-        if self.ledger is not None:
+        if self.ledger is not None and self._weighs:
             self.ledger.weigh()
             self.ledger.accept()
         for hook in self.hooks:
@@ -138,6 +159,14 @@ class CentralDifference(Stepper):
             self.motion.acceleration.x.array + self.motion.damping * self.motion.velocity.x.array
         )
         return np.asarray(total[: self.owned])
+
+    def lag(self) -> float:
+        """Energy in J, on this rank, by which the kinetic one at a step is ahead of what the scheme keeps.
+
+        Over a step the kinetic energy and the work of inertia, by the trapezoidal rule, differ by its change.
+        """
+        a = self.motion.acceleration.x.array[: self.owned]
+        return self.ts.getTimeStep() ** 2 / 8 * float(np.sum(self.mass[: self.owned] * a * a))
 
     def _move_supports(self, dt: float) -> None:
         """Given values at the present time, and their velocity and acceleration."""
@@ -176,8 +205,10 @@ class CentralDifference(Stepper):
             for _ in range(steps):
                 clock, begun = time.perf_counter(), self.time
                 good = [array.copy() for array in self._arrays()]
-                for _ in range(parts):
+                for part in range(1, parts + 1):
+                    self._weighs = part % WEIGH == 0 or part == parts
                     self.ts.step()
+                self._weighs = True
                 self.time = begun + every
                 self._judge(good, begun)
                 self.number += 1
@@ -209,3 +240,31 @@ class CentralDifference(Stepper):
             f"Explicit motion failed between {begun:.6g} and {reached:.6g} s: {said}. The step, "
             f"{self.ts.getTimeStep():.3g} s, is too large for what the sheet has become; take a smaller one."
         )
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _drift(q, v, displacements, directors, dt):
+    """Move q by a step of v, directors on their sphere; their velocity is carried along."""
+    for i in displacements:
+        q[i] += dt * v[i]
+    for node in directors:
+        square = 0.0
+        for i in node:
+            square += (dt * v[i]) ** 2
+        angle = math.sqrt(square)
+        c, s = math.cos(angle), math.sin(angle) / angle if angle > 1e-4 else 1.0 - square / 6
+        for i in node:
+            d, turn = q[i], dt * v[i]
+            q[i] = c * d + s * turn
+            v[i] = (c * turn - square * s * d) / dt
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _lay(values, q, directors):
+    for node in directors:
+        along = size = 0.0
+        for i in node:
+            along += values[i] * q[i]
+            size += q[i] * q[i]
+        for i in node:
+            values[i] -= along / size * q[i]

@@ -6,6 +6,7 @@ through it, and the tangent becomes a coefficient of the Jacobian; one call of t
 
 import warnings
 from collections.abc import Callable
+from functools import cached_property
 from typing import Any
 
 import basix.ufl
@@ -20,6 +21,7 @@ from ufl.form import Form
 
 from .errors import InputError
 from .laws import Array, Law
+from .laws.section import Section
 
 COMPILE = {"cffi_extra_compile_args": ["-O3", "-g0"]}
 """Compiler options of the strain at the points: a quarter faster on bilinear cells than with -O2."""
@@ -58,7 +60,9 @@ class LawHook:
         metadata = {"quadrature_degree": degree, "quadrature_scheme": "default"}
         self.dx = ufl.Measure("dx", domain=domain, metadata=metadata)
         self.stress = FEMExternalOperator(strain, function_space=space, external_function=self, name="stress")
-        self._strain = fem.Expression(strain, space.element.interpolation_points, jit_options=COMPILE)
+        self._operand = strain, space.element.interpolation_points
+        self.measure: Callable[[Array], None] = self._measure
+        """What fills an array with the strains, (cells, points of a cell, components)."""
         cells = domain.topology.index_map(domain.topology.dim)
         self._cells = np.arange(cells.size_local + cells.num_ghosts, dtype=np.int32)
         self._owned = cells.size_local
@@ -98,13 +102,26 @@ class LawHook:
             self._spare = np.empty(shape)
         return self._spare
 
-    def evaluate(self) -> bool:
-        """Strain, then stress, tangent and trial state from the committed one; False if one is not finite."""
+    @cached_property
+    def _compiled(self) -> fem.Expression:
+        return fem.Expression(*self._operand, jit_options=COMPILE)
+
+    def _measure(self, out: Array) -> None:
+        self._compiled.eval(self.mesh, self._cells, out)
+
+    def evaluate(self, tangent: bool = True) -> bool:
+        """Strain, then stress, tangent and trial state from the committed one; False if one is not finite.
+
+        tangent: whether it is wanted; a law that cannot leave it out gives it.
+        """
         n = self.strain.shape[-1]
-        self._strain.eval(self.mesh, self._cells, self.strain)
-        stress, tangent = self.resultants.reshape(-1, n), self.tangent.reshape(-1, n, n)
-        history = self.history
-        self.law.respond(self.strain.reshape(-1, n), history.committed, (stress, tangent, history.trial))
+        self.measure(self.strain)
+        stress, history = self.resultants.reshape(-1, n), self.history
+        out = stress, self.tangent.reshape(-1, n, n), history.trial
+        if tangent or not isinstance(self.law, Section):
+            self.law.respond(self.strain.reshape(-1, n), history.committed, out)
+        else:
+            self.law.respond(self.strain.reshape(-1, n), history.committed, out, tangent=False)
         for copy in self._tangents[1:]:
             copy.x.array[:] = self._tangents[0].x.array
         return bool(np.isfinite(stress.sum()))

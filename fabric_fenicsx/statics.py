@@ -16,7 +16,7 @@ from .continuation import Step as Step
 from .continuation import march as march
 from .directors import ShellSpace
 from .errors import StepFailed
-from .hook import LawHook, derive, forget_traversals, plain
+from .hook import LawHook, derive, forget_traversals
 from .stiffness import InternalWork, factorise_by_diagonal, matrix
 
 _prefix = itertools.count()
@@ -48,7 +48,7 @@ class StaticSolver:
     rtol times the largest internal or support force so far, or the last correction below 1e-9 of the displacement.
     options: PETSc options, over `OPTIONS`.
 
-    Public: the SNES itself, `snes`; the compiled forms, `residual_form` and `jacobian_form`.
+    Public: the SNES itself, `snes`; the compiled forms of what is not in `works`, `residual_form` and `jacobian_form`.
     """
 
     def __init__(
@@ -73,13 +73,9 @@ class StaticSolver:
         self._fault: Exception | None = None
         self.residuals: list[float] = []
         """Norms of the residual in the last solve, N."""
-        parts = [plain(work.form, self.hooks) for work in works]
-        self.jacobian_form: fem.Form | None = None
-        if isinstance(residual, Form):
-            force, jacobian = derive(residual, u, tuple(hooks), self.rate)
-            parts.append(force)
-            self.jacobian_form = fem.form(jacobian) if jacobian.integrals() else None  # dead loads have none
-        self.residual_form = fem.form(sum(parts[1:], parts[0]))
+        forms = derive(residual, u, tuple(hooks), self.rate) if isinstance(residual, Form) else (Form([]), Form([]))
+        # dead loads have no Jacobian
+        self.residual_form, self.jacobian_form = (fem.form(f) if f.integrals() else None for f in forms)
         self._force = fempetsc.create_vector(u.function_space)
         self._x, self._b = (fempetsc.create_vector(self._y.function_space) for _ in range(2))
         every = np.arange(self._x.local_size) if space is None else np.array(space.W.sub(0).collapse()[1])
@@ -128,7 +124,10 @@ class StaticSolver:
         """Residual at the present u with no condition applied: at supports, the reactions."""
         with self._force.localForm() as local:
             local.set(0.0)
-        fempetsc.assemble_vector(self._force, self.residual_form)
+            for work in self._works:
+                work.add_force(local.array_w)
+        if self.residual_form is not None:
+            fempetsc.assemble_vector(self._force, self.residual_form)
         self._force.ghostUpdate(PETSc.InsertMode.ADD, PETSc.ScatterMode.REVERSE)
 
     def _residual(self, snes: PETSc.SNES, x: PETSc.Vec, b: PETSc.Vec) -> None:

@@ -1,19 +1,25 @@
-"""Stiffness of a shell by batches of cells: no kernel to compile, and a third of the time of FFCx's.
+"""Internal work of a shell by batches of cells: strains, forces and stiffness with no kernel to compile.
 
-The strains of a shell are quadratic in the unknowns q = (u, d) of a cell, and do not change when it turns:
+The strains of a shell do not change when it turns or moves as a whole, and are quadratic in the places of the nodes
+and in the directors of a cell. So they are sums over pairs of vectors x_i, the places of the nodes as seen from the
+first one, and the directors:
 
-    E_a = E0_a + B0_a . q + q_ik S_a,ij q_jk / 2,    i, j nodes, k the components in space.
+    E_a = sum over pairs (i, j) of  M_a,ij (x_i . x_j - r_i . r_j),    r being x at rest.
 
-B0 and S belong to the cell alone. They are found once, from the strain in UFL; then B = B0 + S q are the
-derivatives of the strains, and with the tangent C and the stress N of the law at the points of a rule with weights w
+M belongs to the cell alone. It is found once, from the strain in UFL. With the stress N and the tangent C of the law at
+the points of a rule with weights w, forces f and stiffness K are
 
-    K_ik,jl = sum over points of  w (B_a,ik C_ab B_b,jl + N_a S_a,ij delta_kl).
+    f_i  = sum_j (W_ij + W_ji) x_j,  W_ij = sum over points of  w N_a M_a,ij,
+    K_ik,jl = sum over points of  w B_a,ik C_ab B_b,jl + (W_ij + W_ji) delta_kl,  B_a,i = sum_j (M_a,ij + M_a,ji) x_j,
+
+k, l being the components in space.
 """
 
 from collections.abc import Sequence
+from functools import cached_property
+from typing import Any
 
 import basix
-import numba
 import numpy as np
 import ufl
 from dolfinx import fem
@@ -22,7 +28,8 @@ from ufl.algorithms import expand_derivatives
 from ufl.core.expr import Expr
 from ufl.form import Form
 
-from . import weakform
+from . import batches, weakform
+from .batches import LANES
 from .directors import ShellSpace
 from .errors import InputError
 from .hook import LawHook
@@ -30,80 +37,129 @@ from .laws import Array
 
 
 class InternalWork:
-    """Internal work of a shell at one strain: `form`, its virtual work, and `stiffness`, in batches.
+    """Internal work of a shell at one strain, by batches of cells; `form` is the same in UFL.
 
-    space, q: the shell and its (u, d). strain: UFL vector, quadratic in q, as of `assumed_strain`. stress: a LawHook
-    of this strain, or a UFL matrix in N/m, the stiffness of a linear law, which stays as it is. dx: measure of the
-    strain. Give it to `StaticSolver` as one of `works`.
+    space, q: the shell and its (u, d). strain: UFL vector, quadratic in q and zero at rest, as of `assumed_strain`.
+    stress: a LawHook of this strain, which it then measures, or a UFL matrix in N/m, the stiffness of a linear law,
+    which stays as it is. dx: measure of the strain. Give it to a solver as one of `works`.
 
-    It keeps 16 kB a cell. Raises InputError, on every rank, for a strain that is not quadratic.
+    It keeps 3 kB a cell. Raises InputError, on every rank, for a strain that is not quadratic.
     """
 
     def __init__(
         self, space: ShellSpace, q: fem.Function, strain: Expr, stress: LawHook | Expr, dx: ufl.Measure
     ) -> None:
         self.q, self.hook = q, stress if isinstance(stress, LawHook) else None
+        self._space, self._strain, self._law, self._dx = space, strain, stress, dx
         self._mesh = domain = space.mesh
-        self._cells = np.arange(domain.topology.index_map(2).size_local, dtype=np.int32)
+        cells = domain.topology.index_map(2)
+        self._cells, self._owned = np.arange(cells.size_local + cells.num_ghosts, dtype=np.int32), cells.size_local
         rule = basix.make_quadrature(domain.basix_cell(), dx.metadata()["quadrature_degree"])
         self._points, weights = (np.asarray(part) for part in rule)
-        self._dofs = space.V.dofmap.list[self._cells]
-        test = ufl.TestFunction(space.V)
-        if isinstance(stress, LawHook):
-            force = stress.stress
-        else:
-            force = ufl.dot(stress, strain)
-            self._stress = fem.Expression(force, self._points)
-            m = strain.ufl_shape[0]
-            self._tangent = self._at_points(stress).reshape(len(self._cells), len(self._points), m, m)
-        self.form: Form = weakform.internal(force, strain, q, test, 1.0, dx)
+        self._dofs = space.V.dofmap.list
+        self._directors = space.normal.function_space.dofmap.list
+        self._start = self._places()
+        self._batch = *self._quadratic(), self._start, space.normal.x.array, self._directors, q.x.array, self._dofs
         self._weights = self._at_points(ufl.JacobianDeterminant(domain)).reshape(-1, len(self._points)) * weights
-        self._quadratic(strain, ufl.TrialFunction(space.V))
-        width = self._dofs.shape[1]
-        self._matrices = np.empty((len(self._cells), width, width))
+        self._strains = np.empty((len(self._cells), len(self._points), strain.ufl_shape[0]))
+        if isinstance(stress, LawHook):
+            stress.measure = self.measure
+        else:
+            self._tangent = self._at_points(stress).reshape(*self._strains.shape, -1)
+
+    @cached_property
+    def form(self) -> Form:
+        """Virtual work of the stress, in UFL."""
+        hook = self.hook
+        force = ufl.dot(self._law, self._strain) if hook is None else hook.stress
+        return weakform.internal(force, self._strain, self.q, ufl.TestFunction(self._space.V), 1.0, self._dx)
 
     def _at_points(self, expression: Expr) -> Array:
         return fem.Expression(expression, self._points).eval(self._mesh, self._cells)
 
-    def _quadratic(self, strain: Expr, trial: Expr) -> None:
-        """Find B0 (cells, points, strains, nodes, 3) and S (cells, points, strains, nodes, nodes)."""
-        derivative = fem.Expression(expand_derivatives(ufl.derivative(strain, self.q, trial)), self._points)
-        kept, cells, n = self.q.x.array.copy(), len(self._cells), self._dofs.shape[1] // 3
+    def _places(self) -> Array:
+        """Reference places of the other nodes of each cell, as seen from the first one: (cells, nodes - 1, 3)."""
+        space, dofs = self._space.V.sub(0).collapse()
+        x = np.empty((len(self.q.x.array), 3))
+        x[np.array(dofs).reshape(-1, 3)[:, 0]] = space.tabulate_dof_coordinates()
+        nodes = self._dofs[:, : self._dofs.shape[1] - 3 * self._directors.shape[1] : 3]
+        return np.ascontiguousarray(x[nodes[:, 1:]] - x[nodes[:, :1]])
+
+    def _quadratic(self) -> tuple[Any, Any, Any]:
+        """M (blocks, points, terms, LANES), of each strain the first and last pair that it has, and the pairs."""
+        trial = ufl.TrialFunction(self._space.V)
+        derivative = fem.Expression(expand_derivatives(ufl.derivative(self._strain, self.q, trial)), self._points)
+        kept, cells, nodes = self.q.x.array.copy(), len(self._cells), self._start.shape[1]
+        n = nodes + self._directors.shape[1]
         probes, changes = [], []
-        self.q.x.array[:] = 0.0
-        start = derivative.eval(self._mesh, self._cells)
-        # each probe tells three columns of S, one for every component in space; some more make it well posed
+        # each probe tells three columns, one for every component in space; some more make it well posed
         for seed in range(n // 3 + 2):
             self.q.x.array[:] = np.random.default_rng(seed).uniform(-1, 1, len(kept))
-            probes.append(self.q.x.array[self._dofs].reshape(cells, 1, n, 3))
-            changes.append((derivative.eval(self._mesh, self._cells) - start).reshape(cells, -1, n, 3))
+            q = self.q.x.array[self._dofs].reshape(cells, 1, n + 1, 3)
+            change = derivative.eval(self._mesh, self._cells).reshape(cells, -1, n + 1, 3)
+            probes.append(q[:, :, 1:] - np.where(np.arange(n)[:, None] < nodes, q[:, :, :1], 0.0))
+            probes[-1][:, 0, :nodes] += self._start
+            changes.append(change[:, :, 1:])
         self.q.x.array[:] = kept
         probe, change = np.concatenate(probes, axis=3), np.concatenate(changes, axis=3)
-        S = change @ np.linalg.pinv(probe)
+        inverse = np.linalg.pinv(probe)
+        S = change @ inverse
+        S += (change - S @ probe) @ inverse
+        largest = np.abs(S).max(axis=(2, 3), keepdims=True, initial=0.0)
         misfit = np.abs(S @ probe - change).max(initial=0.0) > 1e-8 * np.abs(change).max(initial=0.0)
         if self._mesh.comm.allreduce(bool(misfit)):
             raise InputError("A strain is not quadratic in displacement and director, or changes with a rotation.")
         # exact zeros: a thin sheet would feel a membrane strain of round-off when it bends
-        S = S.reshape(cells, -1, n, n)
-        S[np.abs(S) < 1e-11 * np.abs(S).max(axis=(2, 3), keepdims=True, initial=0.0)] = 0.0
-        shape = (*start.shape[:3], n)
-        self._S, self._B0 = S.reshape(*shape, n), start.reshape(*shape, 3)
+        S[np.abs(S) < 1e-11 * largest] = 0.0
+        # pairs of nodes, of a node and a director, and of directors; those that no strain has are left out
+        pairs = [(i, j) for i in range(n) for j in range(i, n)]
+        pairs.sort(key=lambda pair: (pair[0] >= nodes) + (pair[1] >= nodes))
+        i, j = np.array(pairs, dtype=np.int64).T
+        M = np.where(i == j, 0.5, 1.0) * (S[..., i, j] + S[..., j, i]) / 2
+        M = M.reshape(cells, len(self._points), -1, len(pairs))
+        spans = []
+        for there in M.any(axis=(0, 1)):
+            found = np.flatnonzero(there)
+            spans.append((found[0], found[-1] + 1) if len(found) else (0, 0))
+        M = np.concatenate([M[:, :, a, first:last] for a, (first, last) in enumerate(spans)], axis=2)
+        low, high = min(first for first, _ in spans), max(last for _, last in spans)
+        # cells by `LANES`, side by side: what processors are good at
+        count = -(-cells // LANES)
+        blocks = np.zeros((count * LANES, *M.shape[1:]))
+        blocks[:cells] = M
+        blocks = np.moveaxis(blocks.reshape(count, LANES, *M.shape[1:]), 1, 3).copy()
+        return blocks, np.array(spans) - low, np.array(pairs[low:high], dtype=np.int64).reshape(-1, 2)
+
+    def measure(self, out: Array) -> None:
+        """Strains (cells, points, strains) of all local cells at the present q."""
+        batches.strains(self._batch, out)
+
+    def _stress(self) -> Array:
+        """Of the last evaluation of the law; (cells, points, strains)."""
+        if self.hook is not None:
+            return self.hook.resultants
+        self.measure(self._strains)
+        return np.einsum("cpab,cpb->cpa", self._tangent, self._strains)
+
+    def add_force(self, total: Array) -> None:
+        """Add the internal forces (N) of the owned cells to a local array of V, at the last evaluation of the law."""
+        batches.forces(self._batch, self._stress(), self._weights[: self._owned], total)
 
     def stiffness(self) -> Array:
         """Matrices (cells, n, n) of the owned cells at the last evaluation of the law."""
-        nodes = self.q.x.array[self._dofs].reshape(len(self._cells), -1, 3)
-        if self.hook is None:
-            tangent, stress = self._tangent, self._stress.eval(self._mesh, self._cells)
-        else:
-            tangent, stress = (values[: len(self._cells)] for values in (self.hook.tangent, self.hook.resultants))
-        _stiffness(self._S, self._B0, nodes, tangent, stress.reshape(tangent.shape[:3]), self._weights, self._matrices)
+        tangent = self._tangent if self.hook is None else self.hook.tangent
+        batches.stiffness(self._batch, tangent, self._stress(), self._weights[: self._owned], self._matrices)
         return self._matrices
+
+    @cached_property
+    def _matrices(self) -> Array:
+        return np.empty((self._owned, self._dofs.shape[1], self._dofs.shape[1]))
 
     def places(self) -> tuple[Array, Array]:
         """Global rows and columns of the entries of `stiffness`, flat."""
-        dofs = self.q.function_space.dofmap.index_map.local_to_global(self._dofs.ravel())
-        dofs, width = dofs.reshape(self._dofs.shape), self._dofs.shape[1]
-        return np.repeat(dofs, width, axis=1).ravel(), np.tile(dofs, (1, width)).ravel()
+        local = self._dofs[: self._owned]
+        dofs = self.q.function_space.dofmap.index_map.local_to_global(local.ravel()).reshape(local.shape)
+        return np.repeat(dofs, dofs.shape[1], axis=1).ravel(), np.tile(dofs, (1, dofs.shape[1])).ravel()
 
 
 def matrix(works: Sequence[InternalWork]) -> PETSc.Mat:
@@ -133,42 +189,3 @@ def factorise_by_diagonal(ksp: PETSc.KSP, A: PETSc.Mat) -> None:
         pc.getFactorMatrix().setMumpsIcntl(8, 1)
         if A.size[0] < 20000:
             pc.getFactorMatrix().setMumpsIcntl(7, 2)
-
-
-@numba.njit(cache=True, error_model="numpy", fastmath={"reassoc", "contract", "nsz"})
-def _stiffness(S, B0, nodes, tangent, stress, weights, out):
-    """K of each cell, see the head of the module."""
-    cells, points, m, n, _ = S.shape
-    B, CB, G = np.empty((m, 3 * n)), np.empty((m, 3 * n)), np.empty((n, n))
-    for c in range(cells):
-        K = out[c]
-        K[:] = 0.0
-        G[:] = 0.0
-        for p in range(points):
-            w = weights[c, p]
-            for a in range(m):
-                N = w * stress[c, p, a]
-                for i in range(n):
-                    x, y, z = B0[c, p, a, i, 0], B0[c, p, a, i, 1], B0[c, p, a, i, 2]
-                    for j in range(n):
-                        s = S[c, p, a, i, j]
-                        x += s * nodes[c, j, 0]
-                        y += s * nodes[c, j, 1]
-                        z += s * nodes[c, j, 2]
-                        G[i, j] += N * s
-                    B[a, 3 * i], B[a, 3 * i + 1], B[a, 3 * i + 2] = x, y, z
-            for a in range(m):
-                CB[a] = 0.0
-                for b in range(m):
-                    C = w * tangent[c, p, a, b]
-                    for j in range(3 * n):
-                        CB[a, j] += C * B[b, j]
-            for i in range(3 * n):
-                for a in range(m):
-                    t = B[a, i]
-                    for j in range(3 * n):
-                        K[i, j] += t * CB[a, j]
-        for i in range(n):
-            for j in range(n):
-                for k in range(3):
-                    K[3 * i + k, 3 * j + k] += G[i, j]

@@ -41,7 +41,7 @@ def moving(cloth, bcs=(), gravity=(0, 0, 0), extra=0.0, ledger=False, rtol=1e-11
     """
     g = fem.Constant(cloth.domain.mesh, np.array(gravity, dtype=float))
     weight = cloth.weight(AREAL_MASS, g)
-    rule = {name: options.pop(name) for name in ("rho", "newmark", "damping") if name in options}
+    rule = {name: options.pop(name) for name in ("rho", "newmark", "damping", "lumped") if name in options}
     moved = motion.Motion(cloth.q, cloth.mass(AREAL_MASS), cloth.shell, **rule)
     damping = extra(moved) if extra else None
     residual = cloth.internal - weight + (damping or ufl.form.Form([]))

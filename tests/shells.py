@@ -104,7 +104,10 @@ class Shell:
     def force(self, values):
         """Internal forces at (u, d), in V."""
         self.strains(values)
-        return fem.assemble_vector(self.free.residual_form).array.copy()
+        result = np.zeros_like(values)
+        for work in self.works:
+            work.add_force(result)
+        return result
 
     def stiffness(self):
         """Tangent at rest in V, a SciPy matrix."""

@@ -54,9 +54,22 @@ def test_hanging_strip(demo, tmp_path):
         assert end.min() == pytest.approx(-end.max(), rel=0.05)
 
 
+def test_explicit_and_implicit_drapes_agree(demo, tmp_path):
+    words = ["drape.py", "--cells", "4", "--isotropic", "8e5,0.25", "--patch", "0.5", "--end", "0.2"]
+    other = ["--against", tmp_path / "explicit" / "history.csv", "--out", tmp_path / "implicit"]
+    assert demo(*words, "--method", "explicit", "--out", tmp_path / "explicit")[0] == 0
+    status, said, _ = demo(*words, "--lumped", "--step", "2.5", *other)
+    assert status == 0 and "apart: yes;" in said
+    # a consistent mass is another sheet on so few cells
+    status, said, _ = demo(*words, *other)
+    assert status == 1 and "apart: NO;" in said
+
+
 @pytest.mark.parametrize(
     ("name", "words", "reason"),
     [
+        ("drape.py", "--against {folder}/none.csv", "not the history.csv of a drape"),
+        ("drape.py", "--method explicit --rotary none --cells 4", "directors with inertia"),
         ("pendulum.py", "--angle 180", "between 0 and 180"),
         ("pendulum.py", "--rho 2", "rho must be"),
         ("hanging_strip.py", "--modes 0", "0 is not a whole number of at least 1"),

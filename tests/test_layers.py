@@ -25,6 +25,7 @@ ROOMS = [
     {"supports"},
     {"hook"},
     {"weakform"},
+    {"batches"},
     {"stiffness"},
     {"continuation"},
     {"statics"},

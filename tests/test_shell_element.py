@@ -11,7 +11,7 @@ from mpi4py import MPI
 from dolfinx import fem, mesh
 from shells import STIFFNESS, H, Shell, surface
 
-from fabric_fenicsx import directors, statics, weakform
+from fabric_fenicsx import directors, hook, statics, weakform
 from fabric_fenicsx.errors import InputError
 from fabric_fenicsx.stiffness import InternalWork
 
@@ -110,6 +110,22 @@ def test_a_homogeneous_curvature_is_exact_on_skewed_cells(element):
     balanced = np.abs(force[inner(shell)]).max() < 1e-10 * np.abs(force).max()
     sheared = np.abs(shear).max() > 1e-12
     assert (balanced, sheared) == ((False, True) if element == "q1" else (True, False))
+
+
+@pytest.mark.parametrize(("element", "shape"), CASES)
+def test_batches_of_cells_are_the_forms(element, shape):
+    """Strains at the points and forces, far from rest, against FFCx's kernels of the same UFL."""
+    shell = patch(element, shape)
+    rng = np.random.default_rng(1)
+    start = shell.space.function().x.array
+    values = start + rng.uniform(-0.02, 0.02, len(start))
+    force = shell.force(values)
+    strain = np.empty_like(shell.fabric.strain)
+    shell.fabric._measure(strain)
+    assert np.abs(strain - shell.fabric.strain).max() < 1e-12 * np.abs(strain).max()
+    forms = [hook.plain(work.form, (shell.fabric,)) for work in shell.works]
+    expected = sum(fem.assemble_vector(fem.form(form)).array for form in forms)
+    assert np.abs(force - expected).max() < 1e-12 * np.abs(expected).max()
 
 
 @pytest.mark.parametrize("degrees", [0, 90, 170])

@@ -37,14 +37,17 @@ class Section:
         self._scratch: tuple[Array, ...] = (np.empty((0, 3)), np.empty((0, 3)), np.empty((0, 3, 3)))
 
     def respond(
-        self, strain: Array, state: Array, out: tuple[Array, Array, Array] | None = None
+        self, strain: Array, state: Array, out: tuple[Array, Array, Array] | None = None, tangent: bool = True
     ) -> tuple[Array, Array, Array]:
-        """Resultants (n, m), tangent (n, m, m) and new state, m being 6 or 9; see `laws.Law.respond`."""
+        """Resultants (n, m), tangent (n, m, m) and new state, m being 6 or 9; see `laws.Law.respond`.
+
+        The tangent of `out` is left as it is where it is not wanted (tangent=False).
+        """
         n, m = strain.shape
         layers = len(self._powers)
         if out is None:
             out = np.empty((n, m)), np.empty((n, m, m)), np.empty(state.shape)
-        resultants, tangent, new = out
+        resultants, moduli, new = out
         if len(self._scratch[0]) != n * layers:
             # strain, stress and tangent of the layers: room that is kept, nothing that is remembered
             self._scratch = tuple(np.empty((n * layers, *shape)) for shape in ((3,), (3,), (3, 3)))
@@ -55,7 +58,9 @@ class Section:
         self.law.respond(layer_strain, state.reshape(own), (stress, stiffness, changed))
         if not np.may_share_memory(changed, new):  # `new` is not in one piece
             new[:] = changed.reshape(new.shape)
-        _integrate(stress, stiffness.reshape(-1, 9), self._moments, resultants, tangent)
+        _resultants(stress, self._moments, resultants)
+        if tangent:
+            _moduli(stiffness.reshape(-1, 9), self._moments, moduli)
         return out
 
     def _recoverable(self, strain: Array, state: Array) -> Array:
@@ -72,7 +77,10 @@ class Section:
         return np.kron(moments, stiffness)
 
 
-@numba.njit(cache=True, error_model="numpy")
+_jit = numba.njit(cache=True, error_model="numpy", fastmath={"reassoc", "contract", "nsz"})
+
+
+@_jit
 def _spread(strain, powers, layer_strain):
     """Strain of each layer: the sum of the parts of `strain` with their powers of z."""
     layers = powers.shape[0]
@@ -85,24 +93,34 @@ def _spread(strain, powers, layer_strain):
                 layer_strain[i * layers + layer, a] = total
 
 
-@numba.njit(cache=True, error_model="numpy")
-def _integrate(stress, stiffness, moments, resultants, tangent):
-    """Sum the layers: resultants p from the moment p of stress, tangent (p, q) from the moment p + q of stiffness."""
-    layers, powers = moments.shape[1], resultants.shape[1] // 3
-    sums = np.empty(9)
+@_jit
+def _resultants(stress, moments, resultants):
+    """Sum the layers: resultants p from the moment p of stress."""
+    layers = moments.shape[1]
     for i in range(resultants.shape[0]):
+        for p in range(resultants.shape[1] // 3):
+            x = y = z = 0.0
+            for layer in range(layers):
+                w, at = moments[p, layer], i * layers + layer
+                x += w * stress[at, 0]
+                y += w * stress[at, 1]
+                z += w * stress[at, 2]
+            resultants[i, 3 * p], resultants[i, 3 * p + 1], resultants[i, 3 * p + 2] = x, y, z
+
+
+@_jit
+def _moduli(stiffness, moments, tangent):
+    """Sum the layers: tangent (p, q) from the moment p + q of stiffness."""
+    layers, powers = moments.shape[1], tangent.shape[1] // 3
+    sums = np.empty(9)
+    for i in range(tangent.shape[0]):
         for k in range(moments.shape[0]):
             sums[:] = 0.0
             for layer in range(layers):
+                w, at = moments[k, layer], i * layers + layer
                 for j in range(9):
-                    sums[j] += moments[k, layer] * stiffness[i * layers + layer, j]
+                    sums[j] += w * stiffness[at, j]
             for p in range(max(0, k - powers + 1), min(k, powers - 1) + 1):
                 for a in range(3):
                     for b in range(3):
                         tangent[i, 3 * p + a, 3 * (k - p) + b] = sums[3 * a + b]
-        for p in range(powers):
-            for a in range(3):
-                total = 0.0
-                for layer in range(layers):
-                    total += moments[p, layer] * stress[i * layers + layer, a]
-                resultants[i, 3 * p + a] = total
