@@ -3,7 +3,7 @@
 2 m x 2 m, horizontal at first, warp along x. It is pinned at points, or over squares in its corners (--patch), since
 at points the sag of a sheet without bending stiffness has no limit under refinement.
 
-Two methods on one mesh agree if the mass of both is lumped, and the implicit one takes small steps:
+The two methods agree on one mesh if the mass of both is lumped, and the implicit steps are short:
 
     python demos/drape.py --patch 0.1 --method explicit --out out/explicit
     python demos/drape.py --patch 0.1 --lumped --step 1.25 --against out/explicit/history.csv
@@ -79,7 +79,7 @@ def main():
     played = scene(args)
     command.say(f"{played.name}: {played.sheet.q.function_space.dofmap.index_map.size_global} unknowns")
     table = moving.play(played, args, out, progress=True)
-    imbalance = moving.summary(table, played.ledger)
+    imbalance = moving.summary(table, played.run)
     fall = [row["center_z_m"] for row in table.rows if abs(row["time_s"] - 0.1) < 1e-9]
     missed = abs(fall[0] / (-G * 0.1**2 / 2) - 1) if fall else 0.0
     command.say(f"centre at {table.rows[-1]['center_z_m']:.4f} m")

@@ -73,7 +73,7 @@ def swing(args, mode, out):
     error = 100 * (found / exact - 1)
     unit = np.sqrt(G / LENGTH)
     command.say(f"mode {mode}: {found / unit:.5f} sqrt(g/L), chain {exact / unit:.5f}, error {error:.3f} %")
-    moving.summary(table, played.ledger)
+    moving.summary(table, played.run)
     return abs(error)
 
 

@@ -3,6 +3,7 @@
 from mpi4py import MPI  # isort: skip  (first, as in every DOLFINx script: it loads the MPI library)
 
 import argparse
+import resource
 import time
 from dataclasses import dataclass
 from functools import partial
@@ -160,6 +161,8 @@ def play(scene, args, out, progress):
                 **scene.ledger.row(),
                 wall_s=step.wall_s,
                 cpu_s=cpu,
+                unknowns=sheet.q.function_space.dofmap.index_map.size_global,
+                memory_MB=comm.allreduce(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss) / 1024,
             )
             taken = run.ts.getStepNumber()
             u, value = shown()
@@ -234,12 +237,16 @@ def plot(path, table, scene):
     figure.savefig(path, dpi=150)
 
 
-def summary(table, ledger):
+def summary(table, run):
     """Lines on steps, cost and energies; the largest imbalance in percent of the largest external work."""
+    ledger = run.ledger
     iterations, imbalance = table.column("newton_iterations"), 100 * ledger.worst / max(ledger.most, 1e-300)
     cuts, taken, seconds = (table.column(name).sum() for name in ("step_cuts", "steps_taken", "wall_s"))
     t, newton = ledger.totals, f"{iterations.sum() / taken:.1f} Newton iterations a step taken"
-    command.say(f"{len(iterations)} steps, {cuts:g} cuts, {taken:g} steps taken, {newton}, {seconds:.1f} s")
+    command.say(
+        f"{len(iterations)} steps, {cuts:g} cuts, {taken:g} steps taken, the smallest {run.finest:g} of the whole"
+    )
+    command.say(f"{newton}, {seconds:.1f} s")
     unknowns = ledger.motion.q.function_space.dofmap.index_map.size_global
     cpu = 1e6 * table.column("cpu_s") / unknowns
     best = (cpu / table.column("steps_taken")).min()

@@ -114,7 +114,7 @@ def swing(args, out):
         found = zeros[2] - zeros[0]
         errors.append(100 * abs(found / exact - 1))
         command.say(f"from {degrees:g} degrees: period {found:.5f} s, exact {exact:.5f} s, error {errors[-1]:.4f} %")
-        moving.summary(table, played.ledger)
+        moving.summary(table, played.run)
     return errors
 
 
@@ -122,9 +122,8 @@ def fly(args, out):
     """Fly freely: the drifts of energy, linear and angular momentum, %."""
     args.end = args.steps * args.step * 1e-3
     played = scene(args)
-    ledger = played.ledger
     table = moving.play(played, args, out, progress=True)
-    moving.summary(table, ledger)
+    moving.summary(table, played.run)
     drifts = []
     for kind in ("angular_momentum_{}_Nms", "momentum_{}_Ns"):
         vectors = np.stack([table.column(kind.format(axis)) for axis in "xyz"], axis=1)

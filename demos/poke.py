@@ -108,7 +108,7 @@ def main():
     table = moving.play(played, args, out, progress=True)
     if MPI.COMM_WORLD.rank == 0:
         plot(out / "stress_strain.png", table, fabrics.load(args.fabric))
-    imbalance = moving.summary(table, played.ledger)
+    imbalance = moving.summary(table, played.run)
     last, peak = table.rows[-1], table.column("element_207_E11").max()
     command.say(f"element 207: warp strain {peak:.4f} at most, {last['element_207_E11']:.4f} at the end")
     good = imbalance <= 1.0 and abs(last["center_z_m"] - height(last["time_s"], args.jerk)) < 1e-9

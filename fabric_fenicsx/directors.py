@@ -18,6 +18,7 @@ from mpi4py import MPI
 from dolfinx import fem, la, mesh
 from petsc4py import PETSc
 
+from . import rotation
 from .errors import InputError
 from .laws import Array
 
@@ -98,7 +99,7 @@ class ShellSpace:
         self.normal = fem.Function(directors, name="normal")
         self._in_v = in_v[0]
         self._start = self._normals()
-        self.frame = _frames(self._start)
+        self.frame = rotation.frames(self._start)
         """(e1, e2, d0) of each node at the last commit, (nodes, 3, 3)."""
         self._angles = np.zeros((len(self.nodes), 2))
         self._derivative = np.empty((len(self.nodes), 2, 3))
@@ -125,7 +126,7 @@ class ShellSpace:
         opposed = (np.linalg.norm(sums, axis=1) < 1e-3).any()
         if self.mesh.comm.allreduce(bool(opposed), MPI.LOR):
             raise InputError("The normals of neighbouring cells are opposite: orient all cells of the sheet alike.")
-        self.normal.x.array[:] = _unit(sums).ravel()
+        self.normal.x.array[:] = rotation.unit(sums).ravel()
         values = fem.Function(self.V).x.array
         values[self._in_v] = self.normal.x.array
         return values[self.nodes]
@@ -176,7 +177,7 @@ class ShellSpace:
         """Set q = (u, d) from y = (u, theta), and return dq/dy; ghosts of y are up to date."""
         q.x.array[self._u[:, 0]] = y.x.array[self._u[:, 1]]
         self._angles = y.x.array[self._theta]
-        d, self._derivative = _turned(self.frame, self._angles)
+        d, self._derivative = rotation.turned(self.frame, self._angles)
         q.x.array[self.nodes] = d
         values = self._derivative[self._owned].transpose(0, 2, 1).reshape(-1, 2)
         self._map.setValuesLocalRCV(self._rows, self._columns, np.ascontiguousarray(values))
@@ -189,7 +190,7 @@ class ShellSpace:
         force: residual in V, at the last `turn`.
         """
         r = force.array_r[self.nodes[self._owned]]
-        second = _second(self.frame[self._owned], self._angles[self._owned], r)
+        second = rotation.second(self.frame[self._owned], self._angles[self._owned], r)
         nodes = self.W.dofmap.index_map.local_to_global(self._theta[self._owned].astype(np.int32).ravel())
         nodes = nodes.astype(PETSc.IntType).reshape(-1, 2)
         for a in range(2):
@@ -199,7 +200,7 @@ class ShellSpace:
 
     def commit(self, y: fem.Function) -> None:
         """Make the turned directors the new start; the angles of y become zero."""
-        self.frame = _carried(self.frame, _turned(self.frame, self._angles)[0])
+        self.frame = rotation.carried(self.frame, rotation.turned(self.frame, self._angles)[0])
         y.x.array[self._theta] = 0.0
 
     def supports(self, bcs: list[fem.DirichletBC]) -> np.ndarray:
@@ -223,7 +224,7 @@ class ShellSpace:
         if self.mesh.comm.allreduce(astray, MPI.LOR):
             raise InputError("A director is held in a plane (one component given) that it does not lie in.")
         axes = np.eye(3)[which[partly].argmax(axis=1)]
-        d0 = _unit(np.where(which[partly], 0.0, d))
+        d0 = rotation.unit(np.where(which[partly], 0.0, d))
         self.frame[partly] = np.stack([axes, np.cross(d0, axes), d0], axis=1)
         # strains are measured from `normal`: it must be the directors' start, else the shell is stressed at rest
         self._start[partly] = d0
@@ -244,63 +245,10 @@ class ShellSpace:
         result[self._u[:, 1]] = values[self._u[:, 0]]
         frame = self.frame[self._led]
         # two components given: the third is the director's own (a corner of two planes of symmetry)
-        d = _unit(np.where(self._led_given, values[self.nodes[self._led]], frame[:, 2]))
+        d = rotation.unit(np.where(self._led_given, values[self.nodes[self._led]], frame[:, 2]))
         along = np.einsum("nij,nj->ni", frame, d)
         sine = np.linalg.norm(along[:, :2], axis=1)
         angle = np.arctan2(sine, along[:, 2])
         scale = np.divide(angle, sine, out=np.ones_like(sine), where=sine > 0)
         result[self._theta[self._led]] = along[:, :2] * scale[:, None]
         return result
-
-
-def _unit(vectors: Array) -> Array:
-    return vectors / np.linalg.norm(vectors, axis=1, keepdims=True)
-
-
-def _frames(d: Array) -> Array:
-    """An orthonormal (e1, e2, d) for each unit vector, e1 across the axis that d is farthest from."""
-    e1 = _unit(np.cross(np.eye(3)[np.abs(d).argmin(axis=1)], d))
-    return np.stack([e1, np.cross(d, e1), d], axis=1)
-
-
-def _series(angle: Array) -> tuple[Array, Array, Array, Array]:
-    """cos, sin(x)/x, k = (cos - sin/x)/x^2 and (dk/dx)/x, by series where x is small."""
-    c, s = np.cos(angle), np.sinc(angle / np.pi)
-    square = angle * angle
-    small = angle < 1e-2
-    safe = np.where(small, 1.0, square)
-    k = np.where(small, -1 / 3 + square / 30 - square**2 / 840, (c - s) / safe)
-    slope = np.where(small, 1 / 15 - square / 210, (-s - 3 * k) / safe)
-    return c, s, k, slope
-
-
-def _turned(frame: Array, theta: Array) -> tuple[Array, Array]:
-    """Directors (n, 3) and their derivatives by the two angles (n, 2, 3)."""
-    c, s, k, _ = _series(np.linalg.norm(theta, axis=1))
-    e, d0 = frame[:, :2], frame[:, 2]
-    t = np.einsum("na,naj->nj", theta, e)
-    d = c[:, None] * d0 + s[:, None] * t
-    along = -s[:, None] * d0 + k[:, None] * t
-    return d, s[:, None, None] * e + theta[:, :, None] * along[:, None, :]
-
-
-def _second(frame: Array, theta: Array, r: Array) -> Array:
-    """r . d2d/dtheta_a dtheta_b, shape (n, 2, 2)."""
-    _, s, k, slope = _series(np.linalg.norm(theta, axis=1))
-    on_e, on_d = np.einsum("naj,nj->na", frame[:, :2], r), np.einsum("nj,nj->n", frame[:, 2], r)
-    on_t = (theta * on_e).sum(axis=1)
-    square = theta[:, :, None] * theta[:, None, :]
-    mixed = theta[:, :, None] * on_e[:, None, :]
-    result = (k * on_t - s * on_d)[:, None, None] * np.eye(2)
-    result += (slope * on_t - k * on_d)[:, None, None] * square
-    return result + k[:, None, None] * (mixed + mixed.transpose(0, 2, 1))
-
-
-def _carried(frame: Array, d: Array) -> Array:
-    """Frames carried along the shortest turn from their d0 to d."""
-    e1, d0, d = frame[:, 0], frame[:, 2], _unit(d)
-    # e1 - (e1.d) / (1 + d0.d) (d0 + d) is the image of e1 under that turn
-    part = (e1 * d).sum(axis=1) / np.maximum(1 + (d0 * d).sum(axis=1), 1e-14)  # half a turn has no shortest way
-    e1 = e1 - part[:, None] * (d0 + d)
-    e1 = _unit(e1 - (e1 * d).sum(axis=1)[:, None] * d)
-    return np.stack([e1, np.cross(d, e1), d], axis=1)

@@ -206,6 +206,7 @@ class Newmark(Stepper):
                     self.ts.setTimeStep(target - self.time if part == 1.0 - done else part * whole)
                     self._advance()
                     done += self._part
+                    self.finest = min(self.finest, self._part)
                     if self._may_grow:
                         self._part = min(1.0, 2 * self._part)
                 self.time = float(target)

@@ -90,25 +90,21 @@ class Motion:
         self._force, self._rates = fempetsc.create_vector(V), fempetsc.create_vector(V)
 
     def lump(self) -> Array:
-        """Lumped mass of each local unknown: in proportion to the diagonal of the mass matrix, the total kept.
+        """Lumped mass of each local unknown: the diagonal of the mass matrix, scaled to keep its total.
 
-        (Hinton, Rock and Zienkiewicz 1976, doi 10.1002/eqe.4290040305.) It is positive for quadratic triangles
-        too, whose row sums vanish at corners. Displacements and directors keep a total each.
+        Displacements and directors keep a total each. Positive for quadratic triangles too (Hinton, Rock and
+        Zienkiewicz 1976, doi 10.1002/eqe.4290040305).
         """
-        V = self.q.function_space
-        directors = np.empty(0, dtype=np.int32) if self.space is None else self.space.nodes.ravel()
-        diagonal, one, image = (fem.Function(V) for _ in range(3))
-        self.mass.getDiagonal(diagonal.x.petsc_vec)
-        diagonal.x.scatter_forward()
-        m, size = diagonal.x.array.copy(), V.dofmap.index_map.size_local * V.dofmap.index_map_bs
-        for kind in (np.setdiff1d(np.arange(len(m)), directors), directors):
-            one.x.array[:] = 0.0
-            one.x.array[kind] = 1.0
-            self.mass.mult(one.x.petsc_vec, image.x.petsc_vec)
-            own = kind[kind < size]
-            total, part = V.mesh.comm.allreduce(np.array([image.x.array[own].sum(), m[own].sum()]))
-            m[kind] *= total / part if part > 0.0 else 1.0
-        return np.asarray(m)
+        comm, result = self.q.function_space.mesh.comm, fem.Function(self.q.function_space)
+        m, rows = self.mass.getDiagonal().array_r, self.mass.getRowSum().array_r
+        turning = np.zeros(len(m), dtype=bool)
+        if self.space is not None:
+            turning[self.space.nodes[self.space.nodes < len(m)]] = True
+        for kind in (turning, ~turning):
+            total, part = comm.allreduce(np.array([rows[kind].sum(), m[kind].sum()]))
+            result.x.array[: len(m)][kind] = m[kind] * (total / part if part > 0.0 else 1.0)
+        result.x.scatter_forward()
+        return np.asarray(result.x.array)
 
     def prepare(self, dt: float, given: tuple[Array, Array]) -> None:
         """Before a step of dt in s; given: velocity and acceleration of the `given` unknowns at its end."""

@@ -26,6 +26,8 @@ class Stepper:
         self._values = np.zeros_like(motion.q.x.array)
         self.ledger: Any = None
         """An `energy.Ledger`, if one is kept."""
+        self.finest = 1.0
+        """The smallest step taken, as a part of the nominal one."""
         self.interrupted = self._began = False
         self.ts = PETSc.TS().createPython(self, comm=self.comm)
         self.ts.setSolution(motion.q.x.petsc_vec)

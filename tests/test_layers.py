@@ -20,6 +20,7 @@ ROOMS = [
     {"meshing"},
     {"frame"},
     {"kinematics"},
+    {"rotation"},
     {"directors"},
     {"assumed_strain"},
     {"supports"},
