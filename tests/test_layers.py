@@ -35,6 +35,7 @@ ROOMS = [
     {"checkpoint"},
     {"sheet"},
     {"specimen"},
+    {"pictures"},
     {"results"},
     {"identify"},
     {"command"},
