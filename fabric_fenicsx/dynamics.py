@@ -17,7 +17,8 @@ from .continuation import Step, progress_bar
 from .errors import InputError, StepFailed
 from .hook import LawHook
 from .laws import Array
-from .motion import Motion, MovingSolver
+from .motion import Motion
+from .moving_solver import MovingSolver
 from .stepper import Stepper
 from .stiffness import InternalWork
 
