@@ -172,9 +172,9 @@ class StaticSolver:
         # rows only: given values that move need the columns
         A.zeroRows(self._given_rows, 1.0)
 
-    rate: tuple[fem.Function, fem.Constant] | None = None  # of `motion.MovingSolver`: velocity, its derivative by u
+    rate: tuple[fem.Function, fem.Constant] | None = None  # of `moving_solver`: velocity, its derivative by u
 
-    def _add_to_jacobian(self, K: PETSc.Mat) -> None: ...  # of `motion.MovingSolver`
+    def _add_to_jacobian(self, K: PETSc.Mat) -> None: ...  # of `moving_solver`
 
     def _move_supports(self) -> int:
         """Meet the given values by one linear step of the whole sheet, if they are not met; 1 if it was needed.
