@@ -65,6 +65,17 @@ def test_explicit_and_implicit_drapes_agree(demo, tmp_path):
     assert status == 1 and "apart: NO;" in said
 
 
+def test_cost_grows_with_size_and_ranks_agree(demo, tmp_path):
+    also = ["--", "--isotropic", "8e6,0.25"]
+    status, said, _ = demo(
+        "scaling.py", "--cells", "10", "20", "--ranks", "1", "2", "--end", "0.01", "--out", tmp_path, *also
+    )
+    assert status == 0 and "until 0.25 s: yes" in said
+    table = np.genfromtxt(tmp_path / "scaling.csv", delimiter=",", names=True)
+    assert list(table["unknowns"]) == [6 * 11**2] * 2 + [6 * 21**2] * 2 and (tmp_path / "scaling.png").exists()
+    assert table["ms_an_iteration"][2] > table["ms_an_iteration"][0]
+
+
 @pytest.mark.parametrize(
     ("name", "words", "reason"),
     [
@@ -74,6 +85,7 @@ def test_explicit_and_implicit_drapes_agree(demo, tmp_path):
         ("pendulum.py", "--rho 2", "rho must be"),
         ("hanging_strip.py", "--modes 0", "0 is not a whole number of at least 1"),
         ("drape.py", "--cells 5", "take an even number"),
+        ("scaling.py", "--cells 12", "take multiples of 10"),
         ("drape.py", "--resume {folder}/none.npz", "No such file"),
     ],
 )

@@ -388,3 +388,19 @@ def test_a_step_that_cannot_be_cut_stops_with_the_last_good_state():
     cloth.hooks[0].law.stride = 1.0
     last(run, 0.2, 0.02)
     assert run.time == 0.2
+
+
+@pytest.mark.parametrize(("rotary", "square"), [("thickness", 0.0), ("cell", (motions.SIDE / 2) ** 2), ("none", None)])
+def test_directors_have_the_inertia_of_the_thickness_or_of_a_cell_or_none(rotary, square):
+    cloth = motions.cloth(MPI.COMM_SELF)
+    V = cloth.q.function_space
+    mass = fem.assemble_matrix(fem.form(cloth.mass(motions.AREAL_MASS, rotary))).to_scipy()
+    along = np.zeros(mass.shape[0])
+    along[V.sub(1).sub(0).collapse()[1]] = 1.0
+    own = 0.0 if square is None else motions.AREAL_MASS * motions.SIDE**2 * (motions.THICKNESS**2 + square) / 12
+    assert along @ mass @ along == pytest.approx(own, rel=1e-12)
+
+
+def test_an_unknown_inertia_of_directors_is_named():
+    with pytest.raises(InputError, match="rotary='both' is not one of thickness, cell, none"):
+        motions.cloth(MPI.COMM_SELF).mass(1.0, "both")

@@ -9,10 +9,12 @@ import scipy.sparse
 import ufl
 from mpi4py import MPI
 from dolfinx import fem, mesh
+from motions import SQUARE
 from shells import STIFFNESS, H, Shell, surface
 
-from fabric_fenicsx import directors, hook, statics, weakform
+from fabric_fenicsx import directors, hook, meshing, sheet, statics, weakform
 from fabric_fenicsx.errors import InputError
+from fabric_fenicsx.laws.svk import StVenantKirchhoff
 from fabric_fenicsx.stiffness import InternalWork
 
 every_element = pytest.mark.parametrize("element", directors.ELEMENTS)
@@ -243,3 +245,17 @@ def test_a_cell_of_mitc4_bends_in_its_plane_without_shear():
         assert np.abs(strain[:, :, 0] - y).max() < 1e-10
         sheared = np.abs(strain[:, :, 2]).max()
         assert sheared < 1e-10 if element == "mitc4" else sheared > 0.08
+
+
+def test_shear_is_limited_by_the_modulus_with_which_a_sheet_bends():
+    """Cells of 0.1 m, 1 mm thick: 5/6 h^3 G / (h^2 + 0.1 A G/B), with B = E/2/(1 + nu) of the stiffest yarn."""
+    domain = meshing.read(SQUARE, MPI.COMM_SELF, gdim=3, side=0.2, n=2)
+    E, nu, G, h = 4e8, 0.2, 1e6, 1e-3
+    law = StVenantKirchhoff(E / (1 - nu**2 / 4) * np.array([[1.0, nu / 4, 0], [nu / 4, 0.25, 0], [0, 0, 0.01]]))
+    cloth = sheet.Sheet(domain, law, h, (G, G / 2))
+    B = E / (1 - nu**2 / 4) * (1 - nu / 2) / 2
+    for k, own in enumerate((G, G / 2)):
+        tilted = np.eye(3)[2] + 1e-3 * np.eye(3)[k]
+        cloth.q.sub(1).interpolate(lambda x, d=tilted: d[:, None] + 0 * x)
+        stiffness = 2 * fem.assemble_scalar(fem.form(cloth.stored)) / (1e-6 * 0.04)
+        assert stiffness == pytest.approx(5 / 6 * h**3 * own / (h**2 + 0.1 * 0.01 * own / B), rel=1e-9)
