@@ -1,6 +1,7 @@
 """From displacement to strain, in UFL."""
 
 import ufl
+from dolfinx import mesh
 from ufl.core.expr import Expr
 
 
@@ -65,3 +66,14 @@ def _moved(u: Expr, axes: tuple[Expr, Expr]) -> tuple[Expr, Expr]:
     """Where the two axes go: derivatives of the placement X + u."""
     ga, gb = _along(u, axes)
     return axes[0] + ga, axes[1] + gb
+
+
+def area_vector(u: Expr, domain: mesh.Mesh) -> Expr:
+    """Normal of the moved sheet X + u, as long as its area per reference area: n da = area_vector dA.
+
+    x,1 x x,2 / (area of the cell), with the tangents x,a of the moved sheet: a polynomial in u. It points where
+    `ufl.CellNormal` does, about which the corners of a cell run counter-clockwise.
+    """
+    J = ufl.Jacobian(domain)
+    x1, x2 = (J[:, i] + ufl.dot(ufl.grad(u), J[:, i]) for i in (0, 1))
+    return ufl.cross(x1, x2) / ufl.JacobianDeterminant(domain)

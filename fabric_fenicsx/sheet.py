@@ -1,6 +1,7 @@
 """A sheet of one material on a surface mesh: kinematics, law and mass put together, ready for supports and loads."""
 
 from collections.abc import Sequence
+from typing import Any
 
 import basix
 import numpy as np
@@ -9,11 +10,14 @@ from dolfinx import fem
 from ufl.core.expr import Expr
 from ufl.form import Form
 
-from . import assumed_strain, directors, frame, kinematics, weakform
+from . import assumed_strain, directors, frame, kinematics, motion, weakform
+from .dynamics import Newmark
+from .energy import Ledger
 from .errors import InputError
 from .hook import LawHook
 from .laws import Law, section
 from .meshing import Domain
+from .statics import StaticSolver
 from .stiffness import InternalWork
 
 ROTARY = {"thickness": 0.0, "cell": 1.0, "none": None}
@@ -22,6 +26,12 @@ ROTARY = {"thickness": 0.0, "cell": 1.0, "none": None}
 
 class Sheet:
     """A shell or a membrane in space, at rest, with nothing that holds or loads it.
+
+    Hold it with `supports`, load it with terms of `weakform` on its test function `v`, and solve:
+
+        cloth = Sheet(meshing.read("sheet.geo"), Woven(fabric), fabric.thickness, shear=(G, G))
+        load = weakform.pressure(p, cloth.u, cloth.v, cloth.dx)
+        solver = cloth.equilibrium(supports.clamp(cloth.domain, cloth.space, "rim"), load)
 
     thickness in m; law: see `laws.Law`; one that is linear and symmetric (it has `stiffness`) needs no hook.
     shear: transverse shear moduli (G13, G23) in Pa, of a shell. warp: see `frame.surface_axes`.
@@ -56,6 +66,7 @@ class Sheet:
         self.works: list[InternalWork] = []
         self.shell: directors.ShellSpace | None = None
         self._strain: fem.Expression | None = None
+        self._shown: tuple[fem.Function, np.ndarray] | None = None
         if kinematics == "membrane":
             self._build_membrane(warp, element)
         elif shear is None:
@@ -147,6 +158,56 @@ class Sheet:
         """Virtual work of the weight; subtract it. Areal mass in kg/m2, acceleration a vector in m/s2."""
         return weakform.gravity(areal_mass, acceleration, self.v, self.dx)
 
+    # -- ready to be solved ------------------------------------------------------------------------------------------
+
+    def equilibrium(
+        self,
+        bcs: Sequence[fem.DirichletBC],
+        loads: Form | int = 0,
+        rtol: float = 1e-6,
+        options: dict[str, object] | None = None,
+    ) -> StaticSolver:
+        """The solver of this sheet at rest, for `statics.march`; bcs, rtol, options: see `statics.StaticSolver`.
+
+        loads: virtual work of the forces on the sheet, in J; what resists, such as a spring, is negative.
+        """
+        residual: Form | int = -loads if self.works else self.internal - loads
+        hooks = () if self.works else self.hooks
+        return StaticSolver(residual, self.q, bcs, hooks, rtol, options, self.shell, self.works)
+
+    def newmark(
+        self,
+        areal_mass: float,
+        bcs: Sequence[fem.DirichletBC],
+        loads: Form | int = 0,
+        rho: float = 0.8,
+        damping: float = 0.0,
+        **settings: Any,
+    ) -> tuple[Newmark, Ledger]:
+        """This sheet in motion, and the account of its energies; areal mass in kg/m2, loads as for `equilibrium`.
+
+        rho, damping: see `motion.Motion`; settings: of `dynamics.Newmark`, such as set_load.
+        """
+        moved = motion.Motion(self.q, self.mass(areal_mass), self.shell, rho=rho, damping=damping)
+        residual: Form | int = -loads if self.works else self.internal - loads
+        hooks = () if self.works else self.hooks
+        run = Newmark(moved, residual, bcs, hooks, works=self.works, **settings)
+        h = self.thickness if self.shell is None else 1.0
+        external = loads if isinstance(loads, Form) else None
+        return run, Ledger(run, external, self.stored, [(hook, h) for hook in self.hooks])
+
+    # -- to be shown -------------------------------------------------------------------------------------------------
+
+    def displacement(self) -> fem.Function:
+        """The present displacement in m, as a Function of its own; each call brings the same one up to date."""
+        if self.shell is None:
+            return self.q
+        if self._shown is None:
+            space, dofs = self.q.function_space.sub(0).collapse()
+            self._shown = fem.Function(space), np.array(dofs)
+        u, dofs = self._shown
+        u.x.array[:] = self.q.x.array[dofs]
+        return u
 
 def _shear_modulus(stiffness: np.ndarray | None, least: float) -> float:
     """E/2/(1 + nu) of the larger modulus E of a plane stiffness (3, 3), if known; all in Pa."""

@@ -32,7 +32,7 @@ OPTIONS = {
 
 
 def _weak(method: Callable[..., Any]) -> Callable[..., Any]:
-    """A callback that does not keep its owner alive: Python cannot see that PETSc's reference closes a cycle."""
+    """A callback that does not keep its owner alive: PETSc's reference closes a cycle that Python cannot see."""
     reference = weakref.WeakMethod(method)
     return lambda *arguments: reference()(*arguments)  # type: ignore[misc]
 
@@ -45,7 +45,7 @@ class StaticSolver:
     space of u, whose values may change between solves. hooks: every `LawHook` whose stress is in
     the residual. works: internal work of a shell that is added to the residual, hooks and all, with its stiffness in
     batches; the rest of the residual may be 0. rtol: a step is solved when the residual at the free unknowns is below
-    rtol times the largest internal or support force so far, or the last correction below 1e-9 of the displacement.
+    rtol times the largest nodal force or support force so far, or the last correction below 1e-9 of the displacement.
     options: PETSc options, over `OPTIONS`.
 
     Public: the SNES itself, `snes`; the compiled forms of what is not in `works`, `residual_form` and `jacobian_form`.
@@ -68,8 +68,8 @@ class StaticSolver:
         self.comm = u.function_space.mesh.comm
         self._y = u if space is None else fem.Function(space.W)  # what is solved for: u, or (u, angles) of a shell
         self._accepted = self._y.x.array.copy()
-        self.scale = self._size = 0.0
-        self._met = True
+        self.scale = self._size = self._push = 0.0
+        self._met, self._pushed = True, False
         self._fault: Exception | None = None
         self.residuals: list[float] = []
         """Norms of the residual in the last solve, N."""
@@ -95,8 +95,7 @@ class StaticSolver:
         dofmap = self._y.function_space.dofmap
         blocks, components = np.divmod(self._given, dofmap.index_map_bs)
         rows = dofmap.index_map.local_to_global(blocks.astype(np.int32)) * dofmap.index_map_bs + components
-        self._given_rows = rows.astype(PETSc.IntType)
-        self._targets = self._y.x.array
+        self._given_rows, self._targets = rows.astype(PETSc.IntType), self._y.x.array
 
         self.snes = PETSc.SNES().create(self.comm)
         self.snes.setFunction(_weak(self._residual), self._b)
@@ -121,7 +120,7 @@ class StaticSolver:
             self._shell.turn(self._y, self.u)
 
     def _assemble_force(self) -> None:
-        """Residual at the present u with no condition applied: at supports, the reactions."""
+        """See `forces`."""
         with self._force.localForm() as local:
             local.set(0.0)
             for work in self._works:
@@ -175,8 +174,7 @@ class StaticSolver:
 
     rate: tuple[fem.Function, fem.Constant] | None = None  # of `motion.MovingSolver`: velocity, its derivative by u
 
-    def _add_to_jacobian(self, K: PETSc.Mat) -> None:
-        """For `motion.MovingSolver`."""
+    def _add_to_jacobian(self, K: PETSc.Mat) -> None: ...  # of `motion.MovingSolver`
 
     def _move_supports(self) -> int:
         """Meet the given values by one linear step of the whole sheet, if they are not met; 1 if it was needed.
@@ -227,7 +225,9 @@ class StaticSolver:
         size, correction, residual = norms
         self.residuals.append(residual)
         # given displacements are in the norm in m, where a small one would pass for a small force
-        if self._met and residual <= self.rtol * max(self.scale, self._size):
+        if iteration == 0 and self._pushed:  # nothing else tells the size of forces on a sheet without reactions
+            self._push, self._pushed = self._size, False
+        if self._met and residual <= self.rtol * max(self.scale, self._size, self._push):
             return PETSc.SNES.ConvergedReason.CONVERGED_FNORM_RELATIVE
         # a thin shell is so stiff in its surface that round-off alone can be more force than that
         if self._met and iteration > 0 and correction <= 1e-9 * size:
@@ -241,6 +241,7 @@ class StaticSolver:
         """
         self.begin()
         moved = self._move_supports()
+        self._pushed, self._push = self.rate is None and not moved, 0.0
         self.snes.solve(None, self._x)
         self._take(self._x)
         reason = self.snes.getConvergedReason()
@@ -272,7 +273,7 @@ class StaticSolver:
         if self._shell is not None:
             self._shell.commit(self._y)
         self._accepted = self._y.x.array.copy()
-        self.scale = max(self.scale, self._size)
+        self.scale = max(self.scale, self._size, self._push)
 
     def restore(self) -> None:
         """Back to the last commit."""

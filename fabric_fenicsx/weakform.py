@@ -13,6 +13,8 @@ from dolfinx import fem, mesh
 from ufl.core.expr import Expr
 from ufl.form import Form
 
+from . import kinematics
+
 
 def elastic_stress(domain: mesh.Mesh, stiffness: np.ndarray, strain: Expr) -> Expr:
     """Stress of a linear law, stiffness (m, m) in Pa, in plain UFL: no hook, no history."""
@@ -96,15 +98,11 @@ def point_force(force: Expr, v: Expr, dP: ufl.Measure) -> Form:
 def pressure(p: Expr | float, u: Expr, v: Expr, dx: ufl.Measure) -> Form:
     """Virtual work of a pressure in Pa that stays normal to the moved sheet; subtract it.
 
-    It pushes along the normal, that of `ufl.CellNormal`, about which the corners of a cell run counter-clockwise.
-    The force p n da is p x,1 x x,2, with the tangents x,a of the moved sheet: a polynomial in u, whose
-    derivative is exact. It is not symmetric where the sheet has a free edge. Degree 4 of `dx` is exact on
-    flat triangles with a quadratic u.
+    It pushes along the normal, that of `kinematics.area_vector`, which makes the force p n da a polynomial in u with
+    an exact derivative; p itself may depend on u. It is not symmetric where the sheet has a free edge. Degree 4
+    of `dx` is exact on flat triangles with a quadratic u and a constant p.
     """
-    domain = dx.ufl_domain()
-    J = ufl.Jacobian(domain)
-    x1, x2 = (J[:, i] + ufl.dot(ufl.grad(u), J[:, i]) for i in (0, 1))
-    return p * ufl.inner(ufl.cross(x1, x2), v) / ufl.JacobianDeterminant(domain) * dx
+    return p * ufl.inner(kinematics.area_vector(u, dx.ufl_domain()), v) * dx
 
 
 def edge_moment(moment: Expr, d: Expr, delta: Expr, ds: ufl.Measure) -> Form:

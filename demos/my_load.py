@@ -1,0 +1,85 @@
+"""My own load: wind on a sail, as one term in UFL that follows the moved surface.
+
+A load is its virtual work: a form linear in the test function v of the displacement. It may hold the unknown u; UFL
+differentiates it, so that Newton's method sees how the load turns and stretches with the sheet. Wind of the speed w
+presses by rho/2 (w . n)^2 along the normal n (Newton's sine-square law).
+
+The sail is a strip held taut by two opposite edges. The checked number: under this law of pressure a flexible sail
+takes the shape of a catenary (James Bernoulli's velaria), with the tension rho/2 w^2 a everywhere, where a is the
+catenary's parameter, and the sag a (cosh(D / 2a) - 1) between edges a distance D apart. How long the catenary is, the
+stretch of the cloth tells.
+"""
+
+import argparse
+from pathlib import Path
+
+import numpy as np
+import ufl
+from mpi4py import MPI
+from dolfinx import fem
+from scipy.optimize import brentq
+
+from fabric_fenicsx import command, kinematics, meshing, results, sheet, statics, supports
+from fabric_fenicsx.laws.svk import StVenantKirchhoff
+
+STRIP = Path(__file__).parent.parent / "meshes" / "strip.geo"
+LENGTH, WIDTH, THICKNESS, TAUT = 1.0, 0.1, 0.3e-3, 0.01  # m; TAUT: how far the edges are pulled apart
+E, AIR, STORM = 20e6, 1.2, 30.0  # Pa, kg/m3, m/s
+
+
+def wind(cloth, speed):
+    """Virtual work of a wind (vector, m/s) on a sheet: the term."""
+    n = kinematics.area_vector(cloth.u, cloth.domain.mesh)  # normal times area, per reference area
+    pressure = AIR / 2 * ufl.dot(speed, n) ** 2 / ufl.dot(n, n)
+    return pressure * ufl.inner(n, cloth.v) * cloth.dx
+
+
+def catenary():
+    """Sag (m) of an elastic catenary: b, its half width over a, is where its tension meets the cloth's."""
+    D = LENGTH + TAUT
+
+    def excess(b):
+        stretch = np.sinh(b) / b * D / LENGTH
+        cloth = THICKNESS * E * stretch * (stretch**2 - 1) / 2  # first Piola-Kirchhoff stress, N/m
+        return cloth - AIR / 2 * STORM**2 * D / (2 * b)
+
+    b = brentq(excess, 1e-3, 3.0)
+    return D / (2 * b) * (np.cosh(b) - 1)
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--out", type=Path, default=Path("out/my_load"))
+    parser.add_argument("--cells", type=command.positive, default=32, help="along the sail")
+    args = command.parse(parser)
+    out = results.folder(args.out)
+    domain = meshing.read(STRIP, length=LENGTH, width=WIDTH, nx=args.cells, ny=2)
+    law = StVenantKirchhoff.isotropic(E, 0.0)
+    sail = sheet.Sheet(domain, law, THICKNESS, shear=(E / 2, E / 2))
+    pull, blowing = fem.Constant(domain.mesh, 0.0), fem.Constant(domain.mesh, np.zeros(3))
+    held = supports.hinge(domain, sail.space, "fixed_end")
+    held += [bc for k, by in enumerate((pull, 0, 0)) for bc in supports.lead(domain, sail.space, "pulled_end", k, by)]
+    held += supports.lead(domain, sail.space, "sheet", 1, 0.0)  # a cut out of a broad sail
+    solver = sail.equilibrium(held, wind(sail, blowing))
+
+    def set_load(part):  # first taut, then the wind: slack cloth has too many ways to go
+        pull.value = TAUT * min(part, 1.0)
+        blowing.value = (0.0, 0.0, STORM * max(part - 1.0, 0.0))
+
+    with results.Table(out / "history.csv") as table:
+        for step in statics.march(solver, set_load, np.linspace(1, 2, 9), progress="wind"):
+            sag = domain.mesh.comm.allreduce(sail.displacement().x.array[2::3].max(initial=0.0), MPI.MAX)
+            wind_speed = STORM * (step.load - 1)
+            table.row(wind_m_per_s=wind_speed, sag_m=sag, newton_iterations=step.newton_iterations)
+    strain = sail.cell_strain()[:, 0]
+    results.picture(out / "deformed.png", sail.displacement(), strain, "strain E11", f"wind {STORM:g} m/s")
+
+    expected = catenary()
+    miss = abs(sag / expected - 1)
+    command.say(f"sag {sag:.5f} m, catenary {expected:.5f} m")
+    command.say(f"check: the sail is a catenary to 0.2 %: {'yes' if miss <= 2e-3 else 'NO'}; see {out}")
+    return 0 if miss <= 2e-3 else 1
+
+
+if __name__ == "__main__":
+    command.run(main)

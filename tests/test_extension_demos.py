@@ -1,0 +1,64 @@
+"""The short demos that a user extends from: their checked numbers, on one rank and on two."""
+
+import ast
+import json
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+import test_demos
+
+demo, read, look, DEMOS = test_demos.demo, test_demos.read, test_demos.look, test_demos.DEMOS
+pytestmark = pytest.mark.filterwarnings("ignore:.*is beyond the measured")
+MINE = {
+    "my_fabric": ["curves.png", "deformed.png"],
+    "my_mesh": ["sleeve.png", "bag.png"],
+    "my_load": ["deformed.png"],
+    "my_law": ["deformed.png"],
+    "my_term": ["deformed.png"],
+}
+
+
+@pytest.mark.parametrize("name", MINE)
+def test_it_ends_in_its_checked_number(demo, tmp_path, name):
+    status, said, _ = demo(f"{name}.py", "--out", tmp_path)
+    assert status == 0 and ": yes;" in said
+    for picture in MINE[name]:
+        look(tmp_path / picture)
+
+
+def test_a_wrong_answer_is_seen(demo, tmp_path):
+    """Few cells are not enough: the check is one."""
+    for name in "my_load", "my_term":
+        status, said, _ = demo(f"{name}.py", "--cells", "3", "--out", tmp_path)
+        assert status == 1 and ": NO;" in said
+
+
+@pytest.mark.parametrize("name", MINE)
+def test_it_is_short_and_says_what_it_shows(name):
+    text = (DEMOS / f"{name}.py").read_text()
+    assert len(text.splitlines()) <= 100
+    assert "The checked number" in ast.get_docstring(ast.parse(text))
+
+
+def test_two_ranks_give_the_same(demo, tmp_path):
+    mpirun = shutil.which("mpirun", path=Path(sys.executable).parent) or shutil.which("mpirun")
+    if mpirun is None:
+        pytest.skip("there is no mpirun")
+    commands = [[str(DEMOS / f"{name}.py"), "--out", str(tmp_path / "two" / name)] for name in MINE]
+    answer = subprocess.run(
+        [mpirun, "-n", "2", sys.executable, "-c", test_demos.TWICE, json.dumps(commands)],
+        capture_output=True,
+        text=True,
+        timeout=280,
+        check=False,
+    )
+    assert answer.returncode == 0, answer.stderr
+    assert answer.stdout.count(": yes;") == len(MINE), "said once, by rank 0"
+    for name, column in (("my_load", "sag_m"), ("my_law", "force_N")):
+        assert demo(f"{name}.py", "--out", tmp_path / "one" / name)[0] == 0
+        one, two = (read(tmp_path / ranks / name / "history.csv")[column] for ranks in ("one", "two"))
+        assert np.abs(one - two).max() <= 1e-6 * np.abs(one).max(), name
