@@ -68,8 +68,8 @@ def main():
         for step in statics.march(solver, lambda pull: move((pull, 0, 0)), pulls, progress="strip"):
             table.row(displacement_m=step.load, force_N=solver.reaction(end))
             if step.number == 40:
-                strain = strip.cell_strain()[:, 0]
-                results.picture(out / "deformed.png", strip.displacement(), strain, "warp strain E11", "at 8 %")
+                u, strain, yarns = strip.displacement(), strip.cell_strain()[:, 0], strip.yarns()
+                results.picture(out / "deformed.png", u, strain, "warp strain E11", "at 8 %", yarns=yarns)
 
     stretch = table.column("displacement_m") / LENGTH
     E = stretch + stretch**2 / 2

@@ -71,8 +71,8 @@ def main():
             sag = domain.mesh.comm.allreduce(sail.displacement().x.array[2::3].max(initial=0.0), MPI.MAX)
             wind_speed = STORM * (step.load - 1)
             table.row(wind_m_per_s=wind_speed, sag_m=sag, newton_iterations=step.newton_iterations)
-    strain = sail.cell_strain()[:, 0]
-    results.picture(out / "deformed.png", sail.displacement(), strain, "strain E11", f"wind {STORM:g} m/s")
+    u, strain, yarns = sail.displacement(), sail.cell_strain()[:, 0], sail.yarns()
+    results.picture(out / "deformed.png", u, strain, "warp strain E11", f"wind {STORM:g} m/s", yarns=yarns)
 
     expected = catenary()
     miss = abs(sag / expected - 1)

@@ -57,8 +57,9 @@ def inflate(cloth, held, pressure, steps, picture, label):
 
     for _ in statics.march(solver, set_load, np.linspace(0, pressure, steps + 1)[1:], progress=label):
         pass
-    results.picture(picture, cloth.displacement(), cloth.cell_strain()[:, 1], "weft strain E22", label)
-    return cloth.displacement()
+    u, strain = cloth.displacement(), cloth.cell_strain()[:, 1]
+    results.picture(picture, u, strain, "weft strain E22", label, yarns=cloth.yarns())
+    return u
 
 
 def main():

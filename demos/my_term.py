@@ -60,7 +60,8 @@ def main():
             table.row(pull_N_per_m=step.load, rise_m=rise, springs_J=springs, sheet_J=sheet_energy)
     u = strip.displacement()
     dip = domain.mesh.comm.allreduce(u.x.array[2::3].min(initial=0.0), MPI.MIN)
-    results.picture(out / "deformed.png", u, strip.cell_strain()[:, 3], "curvature K11, 1/m", "lifted edge")
+    bend, yarns = strip.cell_strain()[:, 3], strip.yarns()
+    results.picture(out / "deformed.png", u, bend, "curvature K11, 1/m", "lifted edge", yarns=yarns)
 
     b = (FOUNDATION / (E * THICKNESS**3 / 3)) ** 0.25
     expected = PULL / (FOUNDATION / (2 * b) + SEAM)

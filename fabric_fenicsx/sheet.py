@@ -66,6 +66,8 @@ class Sheet:
         self.works: list[InternalWork] = []
         self.shell: directors.ShellSpace | None = None
         self._strain: fem.Expression | None = None
+        self._warp = warp
+        self._yarns: fem.Expression | None = None
         self._shown: tuple[fem.Function, np.ndarray] | None = None
         if kinematics == "membrane":
             self._build_membrane(warp, element)
@@ -131,9 +133,7 @@ class Sheet:
         if self._strain is None:
             points, _ = basix.make_quadrature(self.domain.mesh.basix_cell(), 2)
             self._strain = fem.Expression(self.strain, points)
-        cells = self.domain.mesh.topology.index_map(2)
-        everywhere = np.arange(cells.size_local + cells.num_ghosts, dtype=np.int32)
-        return np.asarray(self._strain.eval(self.domain.mesh, everywhere).mean(axis=1))
+        return np.asarray(self._strain.eval(self.domain.mesh, self._everywhere()).mean(axis=1))
 
     def mass(self, areal_mass: float, rotary: str = "thickness") -> Form:
         """Bilinear form of the mass for `motion.Motion`; areal mass in kg/m2.
@@ -209,6 +209,19 @@ class Sheet:
         u.x.array[:] = self.q.x.array[dofs]
         return u
 
+    def yarns(self) -> np.ndarray:
+        """Warp and weft of each local cell as they are now, shape (cells, 2, 3): unit vectors, moved and stretched."""
+        mesh = self.domain.mesh
+        if self._yarns is None:
+            axes = frame.surface_axes(mesh, self._warp, 1)
+            rows = ufl.as_vector([c for a in axes for c in a + ufl.dot(ufl.grad(self.u), a)])
+            self._yarns = fem.Expression(rows, axes[0].function_space.element.interpolation_points)
+        return np.asarray(self._yarns.eval(mesh, self._everywhere()).reshape(-1, 2, 3))
+
+    def _everywhere(self) -> np.ndarray:
+        """All local cells, ghosts included."""
+        cells = self.domain.mesh.topology.index_map(2)
+        return np.arange(cells.size_local + cells.num_ghosts, dtype=np.int32)
 def _shear_modulus(stiffness: np.ndarray | None, least: float) -> float:
     """E/2/(1 + nu) of the larger modulus E of a plane stiffness (3, 3), if known; all in Pa."""
     if stiffness is None:

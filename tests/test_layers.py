@@ -37,6 +37,7 @@ ROOMS = [
     {"checkpoint"},
     {"sheet"},
     {"specimen"},
+    {"pictures"},
     {"results"},
     {"identify"},
     {"command"},
