@@ -42,7 +42,7 @@ apt_get() { # only root on a Debian can; anyone else is told what to install
 }
 
 # The place is part of it, because a .venv that was moved does not work.
-wanted=$(pwd && cat .setup/setup.sh .setup/check_system.py .setup/constraints.txt pyproject.toml | sha256sum)
+wanted=$(pwd && cat .setup/setup.sh fabric_fenicsx/system.py .setup/constraints.txt pyproject.toml | sha256sum)
 if [ "$(cat .venv/made-from 2>/dev/null)" = "$wanted" ] && .venv/bin/python -c '' 2>/dev/null; then
     made=yes python=.venv/bin/python
 else
@@ -55,9 +55,9 @@ else
         }
 fi
 
-packages=$("$python" .setup/check_system.py) ||
+packages=$("$python" -I fabric_fenicsx/system.py) ||
     # shellcheck disable=SC2086 # a list of names
-    { apt_get install $packages && "$python" .setup/check_system.py >/dev/null; } || exit 1
+    { apt_get install $packages && "$python" -I fabric_fenicsx/system.py >/dev/null; } || exit 1
 
 [ $made = yes ] && exit
 say "making .venv with $python; this takes a few minutes, once"

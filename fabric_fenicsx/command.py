@@ -55,23 +55,31 @@ def say(*words: object) -> None:
         print(*words, flush=True)
 
 
-def run(main: Callable[[], int | None]) -> None:
+def run(main: Callable[[], int | None], shown: bool | None = None) -> None:
     """Call `main` and leave with its status.
 
     An InputError or StepFailed, which all ranks raise together, is said in one sentence (status 2 and 1).
-    Anything else is a fault of the program: its traceback is shown and all ranks are ended.
+    Anything else is a fault of the program: all ranks are ended. shown: whether to show tracebacks; by default of
+    faults of the program alone.
     """
     warnings.formatwarning = lambda message, *_, **__: f"warning: {message}\n"
     try:
         status = main() or 0
     except (InputError, StepFailed) as error:
-        if MPI.COMM_WORLD.rank == 0:
+        if shown:
+            traceback.print_exc()
+        elif MPI.COMM_WORLD.rank == 0:
             print(f"error: {error}", file=sys.stderr, flush=True)
         status = 2 if isinstance(error, InputError) else 1
     except KeyboardInterrupt:
         status = 130
-    except Exception:
-        traceback.print_exc()
+    except Exception as error:
+        if shown is False:
+            what = f"{type(error).__name__}: {error}"
+            hint = "--traceback shows where, and 'fabric-fenicsx doctor' whether something is missing"
+            print(f"error: {what} ({hint}).", file=sys.stderr, flush=True)
+        else:
+            traceback.print_exc()
         if MPI.COMM_WORLD.size > 1:
             # the other ranks may be waiting for this one
             MPI.COMM_WORLD.Abort(1)

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from dolfinx import fem, plot
 
+from .fabrics import Fabric
 from .laws import Array
 
 FABRICS = {
@@ -27,10 +28,28 @@ lines that are told apart in black and white."""
 _OTHERS = ("#009e73", "#cc79a7", "#e69f00", "#7f7f7f")
 
 
-def style(name: str) -> dict[str, str]:
+def style(name: str) -> dict[str, Any]:
     """Keywords of matplotlib's `plot` for a fabric, by its name; one of your own has always the same, too."""
     other = {"color": _OTHERS[sum(name.encode()) % len(_OTHERS)], "linestyle": "-", "marker": "v"}
     return dict(FABRICS.get(name, other))
+
+
+def compare(fabrics: Sequence[Fabric], path: str | Path) -> None:
+    """Stress of first loading against strain of several fabrics: a panel each for warp, weft and shear."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(10.5, 4.2), layout="constrained")
+    symbols = (("E_{11}", "S_{11}"), ("E_{22}", "S_{22}"), (r"\gamma = 2E_{12}", "S_{12}"))
+    for axes, way, (strain, stress) in zip(figure.subplots(1, 3), ("warp", "weft", "shear"), symbols, strict=True):
+        for fabric in fabrics:
+            curve = getattr(fabric, way)
+            E = np.linspace(0.0, curve.limit, 101)
+            axes.plot(E, curve.stress(E) / 1e6, label=fabric.name, markevery=20, ms=4, **style(fabric.name))
+        axes.set(title=way, xlabel=f"strain ${strain}$ (-)", ylabel=f"stress ${stress}$ (MPa)")
+        axes.set(xlim=(0.0, None), ylim=(0.0, None))
+        axes.grid(color="0.9")
+    figure.legend(*figure.axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=4, frameon=False)
+    figure.savefig(path, dpi=150)
 
 
 def can_draw() -> str | None:
@@ -230,5 +249,7 @@ def _arrows(plotter: Any, shape: Shape, eye: Array, count: int = 5) -> None:
         start = middle[cell] + 0.01 * extent * np.sign(facing[cell]) * normal[cell]
         for k, (color, length) in enumerate((("#d00000", 0.09), ("black", 0.06))):
             along = shape.yarns[cell, k] / np.linalg.norm(shape.yarns[cell, k])
-            arrow = pyvista.Arrow(start, along, tip_radius=0.12, shaft_radius=0.045, scale=length * extent)
+            arrow = pyvista.Arrow(
+                start=start, direction=along, tip_radius=0.12, shaft_radius=0.045, scale=length * extent
+            )
             plotter.add_mesh(arrow, color=color, lighting=False)

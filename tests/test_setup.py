@@ -62,7 +62,7 @@ def test_import_is_light():
 
 
 def check_system(**environment):
-    return run(sys.executable, str(ROOT / ".setup/check_system.py"), **environment)
+    return run(sys.executable, str(ROOT / "fabric_fenicsx/system.py"), **environment)
 
 
 def test_whole_system_passes():
@@ -97,7 +97,8 @@ def fresh(tmp_path):
     """A copy of the set-up that stops once a Python is chosen, on a machine with none; make one in `bin`."""
     shutil.copytree(ROOT / ".setup", tmp_path / ".setup")
     shutil.copy(ROOT / "pyproject.toml", tmp_path)
-    (tmp_path / ".setup/check_system.py").write_text("import sys; sys.exit(f'chosen: {sys.executable}')\n")
+    (tmp_path / "fabric_fenicsx").mkdir()
+    (tmp_path / "fabric_fenicsx/system.py").write_text("import sys; sys.exit(f'chosen: {sys.executable}')\n")
     (tmp_path / "bin").mkdir()
     for tool in ("sh", "cat", "dirname", "find", "flock", "id", "rm", "sha256sum"):
         (tmp_path / "bin" / tool).symlink_to(shutil.which(tool))

@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-import reprlib
-import tomllib
-from dataclasses import dataclass
-from difflib import get_close_matches
 from os import PathLike
 from pathlib import Path
-from typing import Any, NoReturn
 
 import numpy as np
 from numpy.polynomial import Polynomial
 
+from fabric_fenicsx import entries
+from fabric_fenicsx.entries import Table
 from fabric_fenicsx.errors import InputError
 from fabric_fenicsx.fabrics.data import Curve, Fabric
 
@@ -38,72 +35,10 @@ def load(name_or_path: str | PathLike[str]) -> Fabric:
             known = ", ".join(names())
             raise InputError(f"{name_or_path!r} is no known fabric; give {known}, or the path of a .toml file.")
         path = _HERE / f"{name_or_path}.toml"
-    try:
-        raw = path.read_bytes()
-        entries = tomllib.loads(raw.decode("utf-8-sig"))
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read ({error.strerror}); give the path of a fabric file.") from error
-    except UnicodeDecodeError as error:
-        line = raw[: error.start].count(b"\n") + 1
-        raise InputError(f"{path}: is not TOML, for line {line} is not UTF-8 text; save it as UTF-8.") from error
-    except (ValueError, RecursionError) as error:
-        raise InputError(f"{path}: is not TOML ({error}); correct it there.") from error
-    return _fabric(_Table(str(path), "", entries))
+    return _fabric(entries.read(path, "a fabric file", str(_HERE / "blend.toml")))
 
 
-@dataclass(frozen=True)
-class _Table:
-    """One table of a fabric file; whatever is taken out of it has been checked."""
-
-    file: str
-    prefix: str  # "" or, as an example, "warp."
-    entries: dict[str, Any]
-
-    def refuse(self, key: str, reason: str, remedy: str) -> NoReturn:
-        """Raise the one sentence that names file, key, value, reason and remedy."""
-        value = f" = {reprlib.repr(self.entries[key])}" if key in self.entries else ""
-        raise InputError(f"{self.file}: {self.prefix}{key}{value} {reason}; {remedy}.")
-
-    def expect(self, required: str, optional: str = "") -> None:
-        """Refuse unknown keys, and then missing ones: a misspelt key is both, and better called unknown."""
-        known = f"{required} {optional}".split()
-        for key in (key for key in self.entries if key not in known):
-            near = get_close_matches(key, known, n=1)
-            hint = f"perhaps {self.prefix}{near[0]} is meant" if near else f"known here are {', '.join(known)}"
-            self.refuse(key, "is not a known key", hint)
-        for key in required.split():
-            if key not in self.entries:
-                self.refuse(key, "is missing", f"add it, as in {_HERE / 'blend.toml'}")
-
-    def table(self, key: str) -> _Table:
-        if not isinstance(self.entries[key], dict):
-            self.refuse(key, "is not a table", f"write its entries under [{self.prefix}{key}]")
-        return _Table(self.file, f"{self.prefix}{key}.", self.entries[key])
-
-    def text(self, key: str) -> str:
-        value = self.entries[key]
-        if not isinstance(value, str) or not value.strip():
-            self.refuse(key, "is not a text", "write at least one word in double quotes")
-        return value
-
-    def number(self, key: str, value: Any) -> float:
-        """`value`, which is the entry `key` or a member of it; 1e15 is as good as infinite."""
-        if isinstance(value, bool) or not isinstance(value, int | float):
-            which = "is" if value is self.entries[key] else f"holds {reprlib.repr(value)},"
-            self.refuse(key, f"{which} not a number", "write numbers, without quotes")
-        if not abs(value) < 1e15:  # or NaN
-            self.refuse(key, "is not a finite number below 1e15", "give measured values")
-        return float(value)
-
-    def positive(self, key: str) -> float:
-        """The entry `key`; below 1e-15 it is as good as zero."""
-        value = self.number(key, self.entries[key])
-        if value < 1e-15:
-            self.refuse(key, "is not positive", "give a number greater than zero in the unit that the key names")
-        return value
-
-
-def _fabric(file: _Table) -> Fabric:
+def _fabric(file: Table) -> Fabric:
     file.expect("name label material weave thickness_mm density_kg_per_m3 warp weft shear poisson test", "sources")
     test = file.table("test")
     test.expect("gauge_length_mm width_mm warp_displacement_mm weft_displacement_mm bias_displacement_mm")
@@ -113,7 +48,7 @@ def _fabric(file: _Table) -> Fabric:
 
     poisson = file.table("poisson")
     poisson.expect("measured", "lowered")
-    sources = file.table("sources") if "sources" in file.entries else _Table(file.file, "sources.", {})
+    sources = file.table("sources") if "sources" in file.entries else Table(file.file, "sources.", {})
     sources.expect("", " ".join(file.entries))
     return Fabric(
         **{key: file.text(key) for key in ("name", "label", "material", "weave")},
@@ -133,7 +68,7 @@ def _fabric(file: _Table) -> Fabric:
     )
 
 
-def _ratios(table: _Table) -> tuple[float, float]:
+def _ratios(table: Table) -> tuple[float, float]:
     """(nu12, nu21), none negative: there are fabrics that widen under tension, but the law's reciprocal coupling,
     sqrt(nu12 nu21), would lose the sign and narrow them without a word."""
     table.expect("nu12 nu21")
@@ -148,7 +83,7 @@ def _ratios(table: _Table) -> tuple[float, float]:
     return nu12, nu21
 
 
-def _curve(table: _Table, reach: float, more: str = "") -> Curve:
+def _curve(table: Table, reach: float, more: str = "") -> Curve:
     """The curve in Pa, in the file's measure of strain; `reach` is the strain at the end of its test."""
     table.expect(f"loading_MPa unloading_MPa {more}", "limit_strain")
     limit = table.positive("limit_strain") if "limit_strain" in table.entries else reach
@@ -180,7 +115,7 @@ def _sample(modulus: list[float], limit: float) -> tuple[np.ndarray, np.ndarray]
     return places * limit, cubic(places)
 
 
-def _shear(table: _Table, reach: float) -> Curve:
+def _shear(table: Table, reach: float) -> Curve:
     """S12 against gamma = 2 E12. Table 7.3 is read here and nowhere else, as the file's `strain` says:
 
     "tensor":       sum c_k E12^k = dS12/dE12, so G12 = 1/2 sum c_k (gamma/2)^k; unloading likewise

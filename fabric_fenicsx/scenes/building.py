@@ -1,0 +1,133 @@
+"""From what a scene file says to the sheet, its supports and its loads."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import ufl
+from mpi4py import MPI
+from dolfinx import fem
+from ufl.form import Form
+
+from .. import fabrics, frame, meshing, supports, weakform
+from ..errors import InputError
+from ..laws import Law
+from ..laws.printed import Printed
+from ..laws.svk import StVenantKirchhoff
+from ..laws.woven import Woven
+from ..sheet import Sheet
+from .reading import Load, Scene, Support
+
+
+@dataclass
+class Built:
+    """A scene that is ready to be solved: add your own terms to `loads`, or conditions to `bcs`."""
+
+    scene: Scene
+    fabric: fabrics.Fabric
+    cloth: Sheet
+    bcs: list[fem.DirichletBC]
+    loads: Form | int
+    set_load: Callable[[float], None]
+    """Puts a load part (statics) or a time in s (dynamics) into supports and loads."""
+
+    @property
+    def areal_mass(self) -> float:
+        """kg/m2."""
+        return self.fabric.density * self.fabric.thickness
+
+
+def build(scene: Scene, comm: MPI.Comm = MPI.COMM_WORLD) -> Built:
+    """Read mesh and fabric, and make the sheet. Raises InputError, on every rank, for what does not fit together."""
+    fabric = fabrics.load(scene.fabric)
+    domain = meshing.read(scene.mesh, comm, 3, scene.orient, **scene.numbers)
+    law: Law
+    if scene.law == "svk":
+        law = StVenantKirchhoff.from_fabric(fabric, scene.poisson)
+    else:
+        kind = {"continuous": Woven, "printed": Printed}[scene.law]
+        law = kind(fabric, scene.poisson, shear_hysteresis=scene.shear_hysteresis)
+    G = fabric.shear.modulus[0]
+    warp = scene.warp if isinstance(scene.warp, tuple) else frame.patches(domain, scene.warp)
+    cloth = Sheet(domain, law, fabric.thickness, (G, G), warp, scene.kinematics, scene.element, scene.layers)
+    bcs, moves = [], []
+    for support in scene.supports:
+        conditions, move = _hold(cloth, support)
+        bcs += conditions
+        moves.append((support.path, move))
+    loads: Form | int = 0
+    for load in scene.loads:
+        value = fem.Constant(domain.mesh, np.array(load.value) if len(load.value) > 1 else load.value[0])
+        loads += _work(cloth, load, value, fabric.density * fabric.thickness)
+        moves.append((load.path, _setter(value, np.array(load.value) if len(load.value) > 1 else load.value[0])))
+    for probe in scene.probes:
+        domain.entities(probe.at)
+
+    def set_load(t: float) -> None:
+        for path, move in moves:
+            move(share(path, t, smooth=scene.dynamic))
+
+    set_load(0.0)
+    return Built(scene, fabric, cloth, bcs, loads, set_load)
+
+
+def share(path: Sequence[tuple[float, float]], t: float, smooth: bool) -> float:
+    """How much of a load or move there is at t: straight from point to point, or by half a cosine, without a jerk."""
+    times, shares = np.array(path).T
+    k = int(np.clip(np.searchsorted(times, t, side="right") - 1, 0, max(len(times) - 2, 0)))
+    if len(times) == 1:
+        return float(shares[0])
+    part = (t - times[k]) / (times[k + 1] - times[k])
+    if smooth:
+        part = 0.5 - 0.5 * np.cos(np.pi * np.clip(part, 0.0, 1.0))
+    elif len(times) > 2:
+        part = np.clip(part, 0.0, 1.0)
+    return float(shares[k] + part * (shares[k + 1] - shares[k]))
+
+
+def _setter(constant: fem.Constant, whole: np.ndarray | float) -> Callable[[float], None]:
+    def put(part: float) -> None:
+        constant.value = part * whole
+
+    return put
+
+
+def _hold(cloth: Sheet, support: Support) -> tuple[list[fem.DirichletBC], Callable[[float], None]]:
+    """Conditions of a support, and what puts a share of its move into them."""
+    domain, space, at = cloth.domain, cloth.space, support.at
+
+    def rest(part: float) -> None:
+        pass
+
+    if support.kind == "hinge":
+        return supports.hinge(domain, space, at), rest
+    if support.kind == "clamp":
+        return supports.clamp(domain, space, at), rest
+    if support.kind == "symmetry":
+        return supports.symmetry(domain, space, at, support.axis), rest
+    if support.kind == "lead":
+        value = fem.Constant(domain.mesh, 0.0)
+        return supports.lead(domain, space, at, support.axis, value), _setter(value, support.shift[0])
+    if cloth.shell is None:
+        raise InputError(f"The support at {at!r} is a grip, which needs kinematics = 'shell'; a membrane can be led.")
+    conditions, move = supports.grip(domain, cloth.shell, at)
+    shift, turn = np.array(support.shift), np.array(support.turn)
+    return conditions, lambda part: move(part * shift, part * turn, support.about)
+
+
+def _work(cloth: Sheet, load: Load, value: fem.Constant, areal_mass: float) -> Form:
+    """Virtual work of a load."""
+    needed = {"point": (0, "points"), "edge": (1, "edges")}.get(load.kind, (2, "cells"))
+    dx = cloth.dx
+    if load.at:
+        dim, _ = cloth.domain.entities(load.at)
+        if dim != needed[0]:
+            raise InputError(f"The load {load.kind!r} at {load.at!r} needs a group of {needed[1]}; name one.")
+        dx = supports.over(cloth.domain, load.at, degree=2)
+    if load.kind == "gravity":
+        return weakform.gravity(areal_mass, value, cloth.v, dx)
+    if load.kind == "pressure":
+        return weakform.pressure(value, cloth.u, cloth.v, dx)
+    if load.kind == "surface":
+        return weakform.surface_traction(value, cloth.v, dx)
+    return ufl.inner(value, cloth.v) * dx

@@ -1,0 +1,253 @@
+"""Reads a scene file; every entry is checked, and a fault is one sentence that names the key and what to do.
+
+title = "a sheet hangs by its corners"      # of the pictures
+
+[mesh]
+file = "../../meshes/drape.geo"             # beside this file; as `meshing.read` takes it
+numbers = { side = 1.0, n = 12 }            # of a .geo
+orient = false                              # turn cells so that neighbours face the same side
+
+[sheet]
+fabric = "blend"                            # a name, or a TOML file beside this one
+law = "continuous"                          # printed, svk (St. Venant-Kirchhoff with the fabric's first moduli)
+poisson = "measured"                        # lowered
+shear_hysteresis = true
+warp = [1, 0, 0]                            # a direction; or one for each group: { sleeve = [0, 0, 1] }
+kinematics = "shell"                        # membrane
+element = "mitc4"                           # see `directors.ELEMENTS`
+layers = 3
+
+[[support]]                                 # as many as are needed
+at = "corners"                              # a named group of the mesh
+kind = "hinge"                              # clamp; symmetry: axis; lead: axis, shift_m; grip: shift_m, ...
+path = [[0, 0], [1, 1]]                     # how much of the move, over the load part (statics) or the time in s
+
+[[load]]
+kind = "gravity"                            # pressure: pressure_Pa; surface: force_N_per_m2; edge: force_N_per_m;
+acceleration_m_per_s2 = [0, 0, -9.81]       # point: force_N; the last two need `at`, the others may have it
+path = [[0, 1]]                             # how much of it, as above; in statics [[0, 0], [1, 1]]
+
+[statics]                                   # or [dynamics]
+turns = [1]                                 # load parts to go to; [1, 0] loads and takes the load away
+steps = 10                                  # to each
+smallest = 0.015625                         # part of a step below which it is not cut any more
+
+[dynamics]
+end_s = 0.5
+step_ms = 5.0
+rho = 0.8
+damping_per_s = 0.0
+
+[[probe]]
+name = "centre"                             # a column centre_z_m in history.csv: mean displacement of a group
+at = "centre"
+axis = "z"
+
+[output]
+colour = "yarn"                             # warp, weft, shear: the strain in pictures; yarn: larger of warp and weft
+view = [1, -2, 1.2]                         # from the sheet to the eye
+animation = false
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+
+from .. import entries
+from ..directors import ELEMENTS
+from ..entries import Table
+from ..frames import LABELS
+
+AXES = ("x", "y", "z")
+LOADS = {
+    "gravity": ("acceleration_m_per_s2", 3),
+    "pressure": ("pressure_Pa", 1),
+    "surface": ("force_N_per_m2", 3),
+    "edge": ("force_N_per_m", 3),
+    "point": ("force_N", 3),
+}
+"""Kind of load -> key of its value, and how many numbers that is."""
+
+type Vector = tuple[float, ...]
+type Course = tuple[tuple[float, float], ...]
+
+
+@dataclass(frozen=True)
+class Support:
+    """How a group is held or moved; shift in m, turn in radians, about a point in m."""
+
+    at: str
+    kind: str
+    axis: int
+    shift: Vector
+    turn: Vector
+    about: Vector
+    path: Course
+
+
+@dataclass(frozen=True)
+class Load:
+    """A load in SI units on a group, or on the whole sheet (at is "")."""
+
+    kind: str
+    at: str
+    value: Vector
+    path: Course
+
+
+@dataclass(frozen=True)
+class Probe:
+    """A mean displacement to be kept."""
+
+    name: str
+    at: str
+    axis: int
+
+
+@dataclass(frozen=True)
+class Scene:
+    """What the file says, in SI units; paths are found from the file's place."""
+
+    file: str
+    title: str
+    mesh: Path
+    numbers: dict[str, float]
+    orient: bool
+    fabric: str
+    law: str
+    poisson: str
+    shear_hysteresis: bool
+    warp: Vector | Mapping[str, Vector]
+    kinematics: str
+    element: str | None
+    layers: int
+    supports: tuple[Support, ...]
+    loads: tuple[Load, ...]
+    probes: tuple[Probe, ...]
+    dynamic: bool
+    turns: Vector
+    steps: int
+    smallest: float
+    end: float
+    step: float
+    rho: float
+    damping: float
+    colour: str
+    view: tuple[float, float, float]
+    animation: bool
+
+
+def read(path: str | Path) -> Scene:
+    """Read a scene file. Raises InputError for what is missing, unknown, of the wrong type, or makes no sense."""
+    path = Path(path)
+    file = entries.read(path, "a scene file", "the head of fabric_fenicsx.scenes.reading")
+    file.expect("mesh sheet support", "title load statics dynamics probe output")
+    mesh, sheet = file.table("mesh"), file.table("sheet")
+    mesh.expect("file", "numbers orient")
+    sheet.expect("fabric", "law poisson shear_hysteresis warp kinematics element layers")
+    numbers = mesh.table("numbers") if "numbers" in mesh.entries else Table(file.file, "mesh.numbers.", {})
+    fabric = sheet.text("fabric")
+    dynamic = "dynamics" in file.entries
+    if dynamic == ("statics" in file.entries):
+        file.refuse("statics", "and dynamics: a scene has one of them", "keep [statics] or [dynamics]")
+    how = file.table("dynamics" if dynamic else "statics")
+    how.expect("end_s" if dynamic else "", "step_ms rho damping_per_s" if dynamic else "turns steps smallest")
+    end, rho, damping = how.positive("end_s", 1.0), how.real("rho", 0.8), how.real("damping_per_s", 0.0)
+    if not 0.0 <= rho <= 1.0:
+        how.refuse("rho", "is not from 0 to 1", "take 0.8, or 1 for no dissipation by the scheme")
+    if damping < 0.0:
+        how.refuse("damping_per_s", "is negative", "give 0 or more")
+    output = file.table("output") if "output" in file.entries else Table(file.file, "output.", {})
+    output.expect("", "colour view animation")
+    element = sheet.choice("element", tuple(ELEMENTS)) if "element" in sheet.entries else None
+    view = output.numbers("view", 3) if "view" in output.entries else (1.0, -2.0, 1.2)
+    if not any(view):
+        output.refuse("view", "is no direction", "write it as [1, -2, 1.2]")
+    return Scene(
+        file=file.file,
+        title=file.text("title") if "title" in file.entries else path.stem,
+        mesh=path.parent / mesh.text("file"),
+        numbers={key: numbers.number(key, value) for key, value in numbers.entries.items()},
+        orient=mesh.yes("orient"),
+        fabric=str(path.parent / fabric) if fabric.endswith(".toml") else fabric,
+        law=sheet.choice("law", ("continuous", "printed", "svk")),
+        poisson=sheet.choice("poisson", ("measured", "lowered")),
+        shear_hysteresis=sheet.yes("shear_hysteresis", True),
+        warp=_warp(sheet),
+        kinematics=sheet.choice("kinematics", ("shell", "membrane")),
+        element=element,
+        layers=sheet.count("layers", 3),
+        supports=tuple(_support(table, dynamic, end) for table in file.tables("support")),
+        loads=tuple(_load(table, dynamic) for table in file.tables("load")),
+        probes=tuple(_probe(table) for table in file.tables("probe")),
+        dynamic=dynamic,
+        turns=how.numbers("turns") if "turns" in how.entries else (1.0,),
+        steps=how.count("steps", 10),
+        smallest=how.positive("smallest", 1 / 64),
+        end=end,
+        step=how.positive("step_ms", 5.0) * 1e-3,
+        rho=rho,
+        damping=damping,
+        colour=output.choice("colour", tuple(LABELS)),
+        view=(view[0], view[1], view[2]),
+        animation=output.yes("animation"),
+    )
+
+
+def _warp(sheet: Table) -> Vector | dict[str, Vector]:
+    if "warp" not in sheet.entries:
+        return (1.0, 0.0, 0.0)
+    if isinstance(sheet.entries["warp"], dict):
+        groups = sheet.table("warp")
+        return {name: groups.numbers(name, 3) for name in groups.entries}
+    return sheet.numbers("warp", 3)
+
+
+def _support(table: Table, dynamic: bool, end: float) -> Support:
+    kinds = {"hinge": "", "clamp": "", "symmetry": "axis", "lead": "axis shift_m", "grip": ""}
+    kind = table.choice("kind", tuple(kinds))
+    table.expect(f"at kind {kinds[kind]}", {"lead": "path", "grip": "shift_m turn_deg about_m path"}.get(kind, ""))
+    zero: Vector = (0.0, 0.0, 0.0)
+    shift, turn, about = zero, zero, zero
+    if kind == "lead":
+        shift = (table.number("shift_m", table.entries["shift_m"]),)
+    elif kind == "grip":
+        shift, turn, about = (
+            table.numbers(key, 3) if key in table.entries else zero for key in ("shift_m", "turn_deg", "about_m")
+        )
+    path = _path(table, ((0.0, 0.0), (end if dynamic else 1.0, 1.0)))
+    axis = AXES.index(table.choice("axis", AXES)) if "axis" in table.entries else 0
+    return Support(table.text("at"), kind, axis, shift, tuple(np.radians(turn).tolist()), about, path)
+
+
+def _load(table: Table, dynamic: bool) -> Load:
+    kind = table.choice("kind", tuple(LOADS), default="")
+    if not kind:
+        table.refuse("kind", "is missing", f"write one of {', '.join(LOADS)}")
+    key, count = LOADS[kind]
+    needs_place = kind in ("edge", "point")
+    table.expect(f"kind {key}" + (" at" if needs_place else ""), "path" + ("" if needs_place else " at"))
+    value = table.numbers(key, 3) if count == 3 else (table.number(key, table.entries[key]),)
+    at = table.text("at") if "at" in table.entries else ""
+    return Load(kind, at, value, _path(table, ((0.0, 1.0),) if dynamic else ((0.0, 0.0), (1.0, 1.0))))
+
+
+def _probe(table: Table) -> Probe:
+    table.expect("name at axis")
+    return Probe(table.text("name"), table.text("at"), AXES.index(table.choice("axis", AXES)))
+
+
+def _path(table: Table, default: Course) -> Course:
+    """Pairs of load part or time, and share; the first of each pair grows."""
+    if "path" not in table.entries:
+        return default
+    listed = table.entries["path"]
+    if not isinstance(listed, list) or not listed or not all(isinstance(p, list) and len(p) == 2 for p in listed):
+        table.refuse("path", "is not a list of pairs", "write it as [[0, 0], [1, 1]]")
+    pairs = tuple((table.number("path", a), table.number("path", b)) for a, b in listed)
+    if any(before[0] >= after[0] for before, after in pairwise(pairs)):
+        table.refuse("path", "goes back", "order its pairs by their first number")
+    return pairs

@@ -1,0 +1,81 @@
+"""Goes through the loads or the time of a scene, and writes what it finds."""
+
+from collections.abc import Iterator
+from contextlib import nullcontext
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from .. import checkpoint, results, statics, supports
+from ..continuation import Step
+from ..energy import Ledger
+from ..frames import Frames, Series, coloured
+from .building import Built, build
+from .reading import AXES, Scene
+
+
+def run(scene: Scene, out: Path, progress: bool = True, resume: Path | None = None) -> results.Table:
+    """Run a scene to its end; its history, which is also in the folder.
+
+    Writes history.csv, fields.bp (ParaView), frames (for `view`), deformed.png, energy and checkpoint of a motion, and
+    animation.gif where the scene asks for it. Raises InputError and StepFailed, on every rank.
+    """
+    built = build(scene)
+    cloth, comm = built.cloth, built.cloth.domain.mesh.comm
+    steps, solver, ledger, motion = _start(built, progress)
+    guard: Any = checkpoint.guard(out / "checkpoint.npz", motion, _mark(scene)) if motion else None
+    if motion and resume:
+        checkpoint.load(resume, motion, _mark(scene))
+    held = {s.at: [supports.unknowns(cloth.domain, cloth.space, s.at, k) for k in range(3)] for s in scene.supports}
+    u = cloth.displacement()
+    fields = results.Fields(out / "fields.bp", u, ("value",))
+    frames = Frames(out / "frames", scene.title, scene.view, comm)
+    with results.Table(out / "history.csv", comm) as table, guard or nullcontext():
+        for step in steps:
+            u, strain = cloth.displacement(), cloth.cell_strain()[:, :3]
+            row = {"time_s" if scene.dynamic else "load_part": step.load}
+            for probe in scene.probes:
+                mean = supports.mean(cloth.domain, cloth.space, cloth.q, probe.at, probe.axis)
+                row[f"{probe.name}_{AXES[probe.axis]}_m"] = mean
+            for at, unknowns in held.items():
+                row |= {f"{at}_{AXES[k]}_N": solver.reaction(unknowns[k]) for k in range(3)}
+            row |= {"newton_iterations": step.newton_iterations, "step_cuts": step.step_cuts}
+            row |= ledger.row() if ledger else {}
+            table.row(**row, wall_s=step.wall_s)
+            fields.write(step.load, value=coloured(strain, scene.colour))
+            frames.add(step.load, u, strain, cloth.yarns())
+    fields.close()
+    if motion:
+        checkpoint.save(out / "checkpoint.npz", motion, _mark(scene))
+    if comm.rank == 0:
+        series = Series(out / "frames")
+        series.picture(out / "deformed.png", -1, scene.colour)
+        if scene.animation:
+            series.animation(out / "animation.gif", scene.colour)
+    comm.Barrier()
+    return table
+
+
+def _start(built: Built, progress: bool) -> tuple[Iterator[Step], Any, Ledger | None, Any]:
+    """The steps to come, the solver that tells reactions, and of a motion its ledger and itself."""
+    scene, name = built.scene, built.scene.title if progress else None
+    if scene.dynamic:
+        motion, ledger = built.cloth.newmark(
+            built.areal_mass, built.bcs, built.loads, scene.rho, scene.damping, set_load=built.set_load
+        )
+
+        def note() -> str:
+            return f", imbalance={100 * ledger.totals['imbalance'] / max(ledger.most, 1e-30):.2g} %"
+
+        return motion.march(scene.end, scene.step, scene.smallest, name, note), motion.solver, ledger, motion
+    solver, parts, last = built.cloth.equilibrium(built.bcs, built.loads), [], 0.0
+    for turn in scene.turns:
+        parts += [*np.linspace(last, turn, scene.steps + 1)[1:]]
+        last = turn
+    return statics.march(solver, built.set_load, parts, smallest=scene.smallest, progress=name), solver, None, None
+
+
+def _mark(scene: Scene) -> str:
+    """What a checkpoint must have been made with."""
+    return f"{scene.title}, {scene.mesh.name} {scene.numbers}, {scene.fabric}, {scene.law}, {scene.layers} layers"
