@@ -9,6 +9,7 @@ import shutil
 import subprocess
 import sys
 import time
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -63,7 +64,8 @@ def look() -> list[Finding]:
         found.append(Finding(name, False, "missing", remedy, needed))
     if not lacks:
         found.append(Finding("compiler, headers, system libraries", True, "a C library was compiled, all are found"))
-    found += [_part(*part) for part in PARTS]
+    with ThreadPoolExecutor(2) as pool:
+        found += pool.map(lambda part: _part(*part), PARTS)
     mpirun = shutil.which("mpirun", path=Path(sys.executable).parent) or shutil.which("mpirun")
     remedy = "install the MPI that DOLFINx was built with, for runs on several ranks"
     found.append(Finding("mpirun", mpirun is not None, mpirun or "not found", remedy, needed=False))
@@ -71,6 +73,8 @@ def look() -> list[Finding]:
 
 
 def _part(name: str, code: str, needed: bool, remedy: str) -> Finding:
+    if name.startswith("PyVista") and (fault := system.can_draw()) is not None:
+        return Finding(name, False, fault.split(":")[0], remedy, needed)
     environment = os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, [str(_HERE), os.environ.get("PYTHONPATH")]))}
     try:
         answer = subprocess.run(

@@ -11,10 +11,10 @@ from .errors import InputError
 from .laws import Array
 
 LABELS = {
-    "yarn": "larger yarn strain",
-    "warp": "warp strain E11",
-    "weft": "weft strain E22",
-    "shear": "shear strain 2 E12",
+    "yarn": "larger yarn strain (-)",
+    "warp": "warp strain E11 (-)",
+    "weft": "weft strain E22 (-)",
+    "shear": "shear strain 2 E12 (-)",
 }
 """What a sheet can be coloured by, and how it is labelled."""
 
@@ -27,10 +27,14 @@ def coloured(strain: Array, colour: str) -> Array:
 
 
 class Frames:
-    """Writes a folder, one file a step; what an earlier run left there is removed."""
+    """Writes a folder, one file a step; what an earlier run left there is removed.
 
-    def __init__(self, folder: Path, title: str, view: tuple[float, float, float], comm: MPI.Comm) -> None:
-        self.folder, self._about, self._count = folder, {"title": np.array(title), "view": np.array(view)}, 0
+    title: of every picture, and `when` what follows it, as in "t = {:.4g} s". view: from the sheet to the eye.
+    """
+
+    def __init__(self, folder: Path, title: str, when: str, view: tuple[float, float, float], comm: MPI.Comm) -> None:
+        about = {"title": title, "when": when, "view": view}
+        self.folder, self._about, self._count = folder, {name: np.array(value) for name, value in about.items()}, 0
         if comm.rank == 0:
             folder.mkdir(parents=True, exist_ok=True)
             for old in folder.glob("*.npz"):
@@ -63,7 +67,6 @@ class Series:
             raise InputError(
                 f"{str(folder)!r} holds no frames; give the output folder of 'fabric-fenicsx run'."
             ) from error
-        self.title = str(self._mesh["title"])
         x, y, z = map(float, self._mesh["view"])
         self.view = (x, y, z)
 
@@ -85,7 +88,7 @@ class Series:
         box: tuple[float, ...] | None = None,
     ) -> None:
         """Draw a frame; limits and box as of `pictures.draw`."""
-        title = f"{self.title}, {self.times[number]:.4g}"
+        title = f"{self._mesh['title']}, {str(self._mesh['when']).format(self.times[number])}"
         pictures.draw(path, self.shape(number, colour), LABELS[colour], title, view or self.view, limits, box)
 
     def animation(

@@ -4,7 +4,6 @@ Undeformed outline in black, the deformed sheet coloured by one value a cell, an
 warp (red, long) and one along the weft (black, short), on the side of the eye.
 """
 
-import ctypes
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -16,6 +15,7 @@ from dolfinx import fem, plot
 
 from .fabrics import Fabric
 from .laws import Array
+from .system import can_draw as can_draw
 
 FABRICS = {
     "blend": {"color": "#0072b2", "linestyle": "-", "marker": "o"},
@@ -50,21 +50,6 @@ def compare(fabrics: Sequence[Fabric], path: str | Path) -> None:
         axes.grid(color="0.9")
     figure.legend(*figure.axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=4, frameon=False)
     figure.savefig(path, dpi=150)
-
-
-def can_draw() -> str | None:
-    """None if pictures can be drawn off-screen, else the sentence that says what to install."""
-    for library in ("libEGL.so.1", "libOSMesa.so.8"):
-        try:
-            ctypes.CDLL(library)
-        except OSError:
-            continue
-        return None
-    # without either, VTK ends the whole process
-    return (
-        "Pictures are left out, since libEGL.so.1 is missing: on Debian or Ubuntu, "
-        "apt-get install libegl1 libegl-mesa0 libgl1-mesa-dri."
-    )
 
 
 def film(path: Path, frames: Sequence[Path], seconds: float) -> None:

@@ -40,6 +40,21 @@ def loads(library: str) -> bool:
     return True
 
 
+def can_draw() -> str | None:
+    """None if pictures can be drawn off-screen, else the sentence that says what to install."""
+    for library in ("libEGL.so.1", "libOSMesa.so.8"):
+        try:
+            ctypes.CDLL(library)
+        except OSError:
+            continue
+        return None
+    # without either, VTK ends the whole process
+    return (
+        "Pictures are left out, since libEGL.so.1 is missing: on Debian or Ubuntu, "
+        "apt-get install libegl1 libegl-mesa0 libgl1-mesa-dri."
+    )
+
+
 def draws() -> bool:
     """Whether EGL has a driver that works without a screen; VTK crashes where it has none."""
     try:

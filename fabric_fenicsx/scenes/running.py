@@ -30,7 +30,7 @@ def run(scene: Scene, out: Path, progress: bool = True, resume: Path | None = No
     held = {s.at: [supports.unknowns(cloth.domain, cloth.space, s.at, k) for k in range(3)] for s in scene.supports}
     u = cloth.displacement()
     fields = results.Fields(out / "fields.bp", u, ("value",))
-    frames = Frames(out / "frames", scene.title, scene.view, comm)
+    frames = Frames(out / "frames", scene.title, "t = {:.4g} s" if scene.dynamic else "load {:.4g}", scene.view, comm)
     with results.Table(out / "history.csv", comm) as table, guard or nullcontext():
         for step in steps:
             u, strain = cloth.displacement(), cloth.cell_strain()[:, :3]

@@ -1,0 +1,336 @@
+"""The command line: every verb, what it says to bad input, and what `doctor` finds."""
+
+import os
+import shutil
+import subprocess
+import sys
+import time
+import tomllib
+import warnings
+from pathlib import Path
+
+import numpy as np
+import pytest
+import test_demos
+from test_setup import PROJECT, ROOT
+
+from fabric_fenicsx import cli, doctor, fabrics, scenes
+from fabric_fenicsx.errors import InputError
+from fabric_fenicsx.identify import synthetic
+
+read, look, MESHES = test_demos.read, test_demos.look, test_demos.MESHES
+pytestmark = pytest.mark.filterwarnings("ignore:.*is beyond the measured")
+SCENES = ROOT / "demos" / "scenes"
+STATIC = f"""
+[mesh]
+file = "{MESHES}/strip.geo"
+numbers = {{ nx = 6, ny = 2 }}
+[sheet]
+fabric = "blend"
+[[support]]
+at = "fixed_end"
+kind = "clamp"
+[[support]]
+at = "pulled_end"
+kind = "grip"
+shift_m = [0.004, 0, 0]
+[statics]
+steps = 2
+turns = [1, 0.5]
+[[probe]]
+name = "end"
+at = "pulled_end"
+axis = "x"
+"""
+MOTION = f"""
+[mesh]
+file = "{MESHES}/drape.geo"
+numbers = {{ side = 1.0, n = 4, a = 0.25 }}
+[sheet]
+fabric = "blend"
+[[support]]
+at = "corners"
+kind = "hinge"
+[[load]]
+kind = "gravity"
+acceleration_m_per_s2 = [0, 0, -9.81]
+[dynamics]
+end_s = 0.02
+[[probe]]
+name = "centre"
+at = "centre"
+axis = "z"
+"""
+ENTRY = "import sys; sys.argv[0] = 'fabric-fenicsx'; from fabric_fenicsx import cli; cli.main()"
+
+
+@pytest.fixture
+def command(monkeypatch, capsys):
+    """Runs the command in this process: its status and what it wrote to the two streams."""
+    monkeypatch.setattr(warnings, "formatwarning", warnings.formatwarning)
+
+    def run(*words):
+        monkeypatch.setattr(sys, "argv", ["fabric-fenicsx", *map(str, words)])
+        with pytest.raises(SystemExit) as end:
+            cli.main()
+        return end.value.code, *capsys.readouterr()
+
+    return run
+
+
+def apart(*words, **environment):
+    """The command in a process of its own."""
+    return subprocess.run(
+        [sys.executable, "-c", ENTRY, *map(str, words)],
+        env=os.environ | environment, capture_output=True, text=True, timeout=120, check=False,
+    )  # fmt: skip
+
+
+def scene(folder, text):
+    """A scene file."""
+    path = folder / "scene.toml"
+    path.write_text(text)
+    return path
+
+
+# --- what each verb does
+
+
+def test_the_entry_point_is_this_command():
+    assert PROJECT["scripts"] == {"fabric-fenicsx": "fabric_fenicsx.cli:main"}
+    verbs = {"fabrics", "identify", "run", "view", "doctor"}
+    assert set(cli.app.commands) == verbs and all(cli.app.commands[verb].help for verb in verbs)
+
+
+def test_help_and_completion(command):
+    status, said, _ = command("--help")
+    assert status == 0 and "doctor" in said and "--traceback" in said
+    words = {"COMP_WORDS": "fabric-fenicsx fabrics show d", "COMP_CWORD": "3"}
+    assert apart(_FABRIC_FENICSX_COMPLETE="bash_complete", **words).stdout.split() == ["plain,denim", "plain,duck"]
+
+
+def test_fabrics(command, tmp_path):
+    status, said, _ = command("fabrics", "list")
+    assert status == 0 and all(name in said for name in fabrics.names())
+    status, said, _ = command("fabrics", "show", "duck")
+    assert status == 0 and "modulus 9 + 5620 E11 MPa" in said and "Table 7.1" in said
+    for names, file in ((["muslin"], "one.png"), ([], "all.png")):
+        assert command("fabrics", "plot", *names, "--out", tmp_path / file)[0] == 0
+        look(tmp_path / file)
+
+
+def test_identify(command, tmp_path):
+    known = fabrics.load("blend")
+    tests = synthetic.write(known, tmp_path / "records", 1, 0.0, 1)
+    status, said, _ = command("identify", tests, "--out", tmp_path / "out")
+    again = fabrics.load(tmp_path / "out" / "fabric.toml")
+    assert status == 0 and "fabric.toml" in said and (tmp_path / "out" / "report.pdf").exists()
+    assert again.warp.stress(0.1) == pytest.approx(known.warp.stress(0.1), rel=0.01)
+
+
+def test_run_and_view(command, tmp_path):
+    """Clamped ends, and what a cycle must do; the same on two ranks."""
+    path = scene(tmp_path, STATIC)
+    status, said, _ = command("run", path, "--out", tmp_path / "one")
+    table = read(tmp_path / "one" / "history.csv")
+    assert status == 0 and "4 steps" in said and np.allclose(table["load_part"], [0.5, 1, 0.75, 0.5])
+    assert np.allclose(table["end_x_m"], 0.004 * table["load_part"])
+    assert np.allclose(table["pulled_end_x_N"], -table["fixed_end_x_N"], rtol=1e-4)
+    force, area = table["pulled_end_x_N"], 0.0254 * 0.38e-3
+    assert force[1] > 2 * force[0] > 0 and force[3] < force[0], "stiffening, and hysteresis"
+    E = 0.004 / 0.0762 + (0.004 / 0.0762) ** 2 / 2
+    free = fabrics.load("blend").warp.stress(E) * (1 + 0.004 / 0.0762) * area
+    assert 1.0 < force[1] / free < 1.15, "a little stiffer than between ends that contract"
+    assert (tmp_path / "one" / "fields.bp").exists()
+    look(tmp_path / "one" / "deformed.png")
+    status, said, _ = command("view", tmp_path / "one", "--frame", "1", "--colour", "weft", "--view", "0,-1,1")
+    assert status == 0 and str(tmp_path / "one" / "view.png") in said
+    look(tmp_path / "one" / "view.png")
+    assert command("view", tmp_path / "one", "--animation")[0] == 0
+    assert (tmp_path / "one" / "animation.gif").stat().st_size > 10_000
+
+    mpirun = shutil.which("mpirun", path=Path(sys.executable).parent) or shutil.which("mpirun")
+    if mpirun is None:
+        pytest.skip("there is no mpirun")
+    words = [mpirun, "-n", "2", sys.executable, "-c", ENTRY, "run", str(path), "--out"]
+    answer = subprocess.run([*words, tmp_path / "two"], capture_output=True, text=True, timeout=200, check=False)
+    assert answer.returncode == 0 and answer.stdout.count("4 steps") == 1, answer.stderr
+    assert np.allclose(read(tmp_path / "two" / "history.csv")["pulled_end_x_N"], force, rtol=1e-6)
+    path.write_text(STATIC.replace("blend", "tweed"))
+    answer = subprocess.run([*words, tmp_path / "two"], capture_output=True, text=True, timeout=100, check=False)
+    assert answer.returncode == 2 and answer.stderr.count("error: ") == 1 and "'tweed'" in answer.stderr
+
+
+def test_a_motion_and_its_resumption(command, tmp_path):
+    path = scene(tmp_path, MOTION)
+    assert command("run", path, "--out", tmp_path / "whole", "--quiet")[0] == 0
+    table = read(tmp_path / "whole" / "history.csv")
+    assert table["centre_z_m"][-1] == pytest.approx(-9.81 * 0.02**2 / 2, rel=0.03), "it falls freely at first"
+    assert abs(table["imbalance_J"][-1]) < 0.01 * table["external_work_J"][-1]
+    path.write_text(MOTION.replace("end_s = 0.02", "end_s = 0.04"))
+    state = tmp_path / "whole" / "checkpoint.npz"
+    assert command("run", path, "--resume", state, "--out", tmp_path / "on")[0] == 0
+    assert read(tmp_path / "on" / "history.csv")["time_s"][0] == pytest.approx(0.025)
+    path.write_text(MOTION.replace("blend", "denim"))
+    status, _, complaint = command("run", path, "--resume", state, "--out", tmp_path / "on")
+    assert status == 2 and "another scene" in complaint
+
+
+@pytest.mark.parametrize("name", ["hanging", "twisted_strip"])
+def test_the_examples_can_be_built(name):
+    built = scenes.build(scenes.read(SCENES / f"{name}.toml"))
+    assert built.bcs and (SCENES / f"{name}.toml").read_text().startswith("# ")
+
+
+def test_loads_of_a_file_are_those_of_a_script(tmp_path):
+    """Every kind of load, as its virtual work on a shift of the whole sheet: force times one metre."""
+    from dolfinx import fem
+
+    loads = """
+[[load]]
+kind = "surface"
+force_N_per_m2 = [0, 0, 3]
+path = [[0, 0], [2, 1]]
+[[load]]
+kind = "edge"
+at = "pulled_end"
+force_N_per_m = [0, 0, 7]
+[[load]]
+kind = "point"
+at = "pin"
+force_N = [0, 0, 0.25]
+[[load]]
+kind = "pressure"
+pressure_Pa = 2
+at = "sheet"
+"""
+    built = scenes.build(scenes.read(scene(tmp_path, STATIC + loads)))
+    built.set_load(1.0)
+    vector = fem.assemble_vector(fem.form(built.loads)).array
+    _, z = built.cloth.q.function_space.sub(0).sub(2).collapse()
+    area = 0.0762 * 0.0254
+    assert vector[z].sum() == pytest.approx(1.5 * area + 7 * 0.0254 + 0.25 + 2 * area)
+
+
+# --- bad input
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "reason"),
+    [
+        ('fabric = "blend"', 'fabrik = "blend"', "sheet.fabrik = 'blend' is not a known key; perhaps sheet.fabric"),
+        ('fabric = "blend"', 'fabric = "tweed"', "'tweed' is no known fabric"),
+        ('fabric = "blend"', 'fabric = "blend"\nlaw = "prnted"', "perhaps 'printed' is meant"),
+        ('fabric = "blend"', 'fabric = "blend"\nwarp = [1, 0]', "sheet.warp = [1, 0] is not a list of 3 numbers"),
+        ('fabric = "blend"', 'fabric = "blend"\nwarp = [0, 0, 1]', "along the normal"),
+        ('fabric = "blend"', 'fabric = "blend"\nelement = "regge"', "'regge' is not one for quadrilaterals"),
+        ('kind = "grip"', 'kind = "gripp"', "support[2].kind = 'gripp' is not known; perhaps 'grip'"),
+        ('kind = "grip"', 'kind = "lead"', "support[2].axis is missing"),
+        ('at = "fixed_end"', 'at = "left"', "no physical group 'left'"),
+        ("nx = 6", "nz = 6", "does not let nz be set"),
+        ("strip.geo", "stripe.geo", "There is no mesh file"),
+        ("steps = 2", "steps = 0", "statics.steps = 0 is not a whole number of at least 1"),
+        ("[statics]", "[dynamics]\nend_s = 1\n[statics]", "keep [statics] or [dynamics]"),
+        ("shift_m = [0.004, 0, 0]", "path = [[1, 0], [0, 1]]", "support[2].path = [[1, 0], [0, 1]] goes back"),
+        ("[[probe]]", '[[load]]\nkind = "edge"\nat = "sheet"\nforce_N_per_m = [0, 0, 1]\n[[probe]]', "group of edges"),
+        ("[mesh]", "[mesh", "is not TOML"),
+    ],
+)
+def test_a_scene_that_cannot_be_is_refused_in_a_sentence(command, tmp_path, old, new, reason):
+    assert old in STATIC
+    status, _, complaint = command("run", scene(tmp_path, STATIC.replace(old, new)), "--out", tmp_path / "out")
+    assert status == 2 and complaint.startswith("error: ") and reason in complaint
+    assert complaint.count("\n") == 1 and "Traceback" not in complaint
+
+
+@pytest.mark.parametrize(
+    ("words", "status", "reason"),
+    [
+        ("rnu", 2, "Did you mean 'run'?"),
+        ("run nowhere.toml", 2, "nowhere.toml: cannot be read"),
+        ("fabrics show tweed", 2, "'tweed' is no known fabric"),
+        ("fabrics plot blend --out nowhere/a.png", 2, "cannot be written"),
+        ("identify nowhere.toml", 2, "cannot be read"),
+        ("view nowhere", 2, "holds no frames"),
+        ("view . --view 1,2", 2, "1,2 is not of the form"),
+    ],
+)
+def test_bad_input_is_answered_in_a_sentence(command, words, status, reason):
+    found, _, complaint = command(*words.split())
+    assert found == status and reason in complaint and "Traceback" not in complaint
+    if "Usage" not in complaint:
+        assert "Traceback" in command("--traceback", *words.split())[2]
+
+
+def test_a_fault_of_the_program_shows_no_traceback_unasked(command, monkeypatch):
+    def broken():
+        raise RuntimeError("broken")
+
+    monkeypatch.setattr(fabrics, "names", broken)
+    status, _, complaint = command("fabrics", "list")
+    assert status == 1 and complaint.startswith("error: RuntimeError: broken") and "Traceback" not in complaint
+    assert "in broken" in command("--traceback", "fabrics", "list")[2]
+
+
+def test_the_example_in_the_docstring_is_a_scene(tmp_path):
+    """But for [statics] and [dynamics], of which it shows both."""
+    text = scenes.reading.__doc__
+    example = text[text.index("title =") :].replace("[statics]", "[other]")
+    tables = tomllib.loads(example)
+    del tables["other"]
+    with pytest.raises(InputError, match="other"):
+        scenes.read(scene(tmp_path, example))
+    start, end = example.index("[other]"), example.rindex("[dynamics]")
+    found = scenes.read(scene(tmp_path, example[:start] + example[end:]))
+    assert found.dynamic and found.probes[0].axis == 2 and found.loads[0].value == (0, 0, -9.81)
+
+
+# --- doctor
+
+
+def test_doctor_on_a_whole_machine():
+    answer = apart("doctor")
+    assert answer.returncode == 0 and "MISSING" not in answer.stdout, answer.stdout
+
+
+def marks(answer):
+    """What is said of each thing."""
+    assert "Traceback" not in answer.stderr
+    return {line.split(":")[0][8:]: line[:7].strip() for line in answer.stdout.splitlines() if line[:1] != " "}
+
+
+def test_doctor_tells_what_the_system_lacks(tmp_path):
+    """The loader meets files first that cannot be loaded, and the compiler does not compile."""
+    for library in "libEGL.so.1", "libGLU.so.1":
+        (tmp_path / library).touch()
+    answer = apart("doctor", CC="false", LD_LIBRARY_PATH=str(tmp_path))
+    found = marks(answer)
+    assert answer.returncode == 1 and "apt-get install" in answer.stdout
+    assert found["a C compiler with the C library's headers"] == "MISSING" and " gcc libc6-dev" in answer.stdout
+    assert found["gmsh (meshes)"] == found["libGLU.so.1"] == "MISSING" and "libglu1-mesa" in answer.stdout
+    assert found["PyVista (pictures)"] == "without" and "libegl1 libegl-mesa0" in answer.stdout
+    assert found["Numba"] == found["DOLFINx 0.11"] == "ok"
+
+
+def test_doctor_works_without_dolfinx_and_nothing_else_does(tmp_path):
+    (tmp_path / "dolfinx.py").write_text("raise ImportError('it is hidden')\n")
+    hidden = {"PYTHONPATH": os.pathsep.join([str(tmp_path), str(ROOT)])}
+    answer = apart("doctor", **hidden)
+    found = marks(answer)
+    assert answer.returncode == 1 and found["DOLFINx 0.11"] == "MISSING" and found["Numba"] == "ok"
+    assert "it is hidden" in answer.stdout and "make setup" in answer.stdout
+    refused = apart("fabrics", "list", **hidden)
+    assert refused.returncode == 1 and "make setup" in refused.stderr and "Traceback" not in refused.stderr
+
+
+def test_doctor_sees_a_form_that_was_left_behind(tmp_path, monkeypatch):
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    (tmp_path / "fenics").mkdir()
+    left = tmp_path / "fenics" / "libffcx_forms_0.c"
+    left.touch()
+    assert doctor._cache().good, "it may just be being compiled"
+    os.utime(left, (time.time() - 3600,) * 2)
+    found = doctor._cache()
+    assert not found.good and str(left) in found.remedy
+    Path(f"{left}.cached").touch()
+    assert doctor._cache().good
