@@ -182,13 +182,14 @@ class Sheet:
         loads: Form | int = 0,
         rho: float = 0.8,
         damping: float = 0.0,
+        rotary: str = "cell",
         **settings: Any,
     ) -> tuple[Newmark, Ledger]:
         """This sheet in motion, and the account of its energies; areal mass in kg/m2, loads as for `equilibrium`.
 
-        rho, damping: see `motion.Motion`; settings: of `dynamics.Newmark`, such as set_load.
+        rho, damping: see `motion.Motion`; rotary: see `mass`; settings: of `dynamics.Newmark`, such as set_load.
         """
-        moved = motion.Motion(self.q, self.mass(areal_mass), self.shell, rho=rho, damping=damping)
+        moved = motion.Motion(self.q, self.mass(areal_mass, rotary), self.shell, rho=rho, damping=damping)
         residual: Form | int = -loads if self.works else self.internal - loads
         hooks = () if self.works else self.hooks
         run = Newmark(moved, residual, bcs, hooks, works=self.works, **settings)
@@ -222,6 +223,8 @@ class Sheet:
         """All local cells, ghosts included."""
         cells = self.domain.mesh.topology.index_map(2)
         return np.arange(cells.size_local + cells.num_ghosts, dtype=np.int32)
+
+
 def _shear_modulus(stiffness: np.ndarray | None, least: float) -> float:
     """E/2/(1 + nu) of the larger modulus E of a plane stiffness (3, 3), if known; all in Pa."""
     if stiffness is None:

@@ -42,7 +42,9 @@ def test_make_docs(tmp_path):
     assert any(name.startswith("pdoc") for name in PROJECT["optional-dependencies"]["dev"])
     words = [str(d) for word in recipe for d in (sorted(ROOT.glob(word)) if word.startswith("demos/") else [word])]
     words[words.index("out/docs")] = str(tmp_path)
-    answer = subprocess.run([sys.executable, *words], cwd=ROOT, capture_output=True, text=True, timeout=200, check=False)
+    answer = subprocess.run(
+        [sys.executable, *words], cwd=ROOT, capture_output=True, text=True, timeout=200, check=False
+    )
     assert answer.returncode == 0, answer.stderr
     assert "What it cannot do" in (tmp_path / "fabric_fenicsx.html").read_text()
     for path in DEMOS:
