@@ -19,8 +19,11 @@ lint: setup ## ruff's rules and format, and the types of the package
 setup: ## .venv and the system libraries, if anything is missing
 	@sh .setup/setup.sh
 
+docs: setup ## pages on every room and the demos to extend from, in out/docs
+	$(python) -m pdoc --docformat markdown -o out/docs fabric_fenicsx demos/my_*.py demos/sleeve.py
+
 clean: ## remove .venv and the caches in this folder; results under out/ stay
 	rm -rf .venv .cache build *.egg-info .hypothesis .mypy_cache .pytest_cache .ruff_cache
 	find . -name __pycache__ -prune -exec rm -rf {} +
 
-.PHONY: help demo test lint setup clean
+.PHONY: help demo test lint docs setup clean

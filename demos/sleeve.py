@@ -6,7 +6,7 @@ and the outer side, and turns by --twist about itself. The inner side is pushed 
 way through a hundred small bucklings, so the sleeve moves in time, with some damping, and then rests.
 
 The checked numbers: at most 2 % of the largest external work is not accounted for, and what the law, the damping and
-the scheme took is not negative; there is no contact, so that folds may touch and cross.
+the scheme took is not negative. There is no contact: folds may touch and cross.
 """
 
 from mpi4py import MPI  # isort: skip  (first, as in every DOLFINx script: it loads the MPI library)
@@ -34,7 +34,7 @@ def wrist(part, bend, twist):
 
 
 def depth(u, bend):
-    """How far the cloth lies inside of the smoothly bent tube at most, m; of all ranks."""
+    """How far the cloth lies inside of a tube that is bent so without folds at most, m; of all ranks."""
     x = u.function_space.tabulate_dof_coordinates() + u.x.array.reshape(-1, 3)
     r = LENGTH / bend - RADIUS / 2
     inside = RADIUS - np.hypot(x[:, 1], np.hypot(x[:, 0], x[:, 2] - r) - r)
@@ -69,9 +69,11 @@ def main():
     held, move = supports.grip(domain, cloth.space, "wrist")
     held += supports.clamp(domain, cloth.space, "shoulder")
 
+    def part(t):
+        return 0.5 - 0.5 * np.cos(np.pi * min(max(t / args.move, 0.0), 1.0))
+
     def set_time(t):
-        part = 0.5 - 0.5 * np.cos(np.pi * min(max(t / args.move, 0.0), 1.0))
-        move(*wrist(part, bend, twist), (LENGTH, 0.0, 0.0))
+        move(*wrist(part(t), bend, twist), (LENGTH, 0.0, 0.0))
 
     run, ledger = cloth.newmark(
         fabric.density * fabric.thickness, held, rho=args.rho, damping=args.damping, set_load=set_time
@@ -83,7 +85,7 @@ def main():
             table.row(
                 time_s=step.load,
                 **{f"wrist_{axis}_N": run.solver.reaction(ends[1][k]) for k, axis in enumerate("xyz")},
-                fold_mm=1e3 * depth(cloth.displacement(), bend),
+                fold_mm=1e3 * depth(cloth.displacement(), part(step.load) * bend),
                 newton_iterations=step.newton_iterations,
                 step_cuts=step.step_cuts,
                 **ledger.row(),

@@ -1,4 +1,44 @@
-"""Woven fabric as a thin shell with measured hysteresis, on FEniCSx (DOLFINx 0.11)."""
+"""Woven fabric as a thin shell with measured hysteresis, on FEniCSx (DOLFINx 0.11).
+
+It implements R. W. Williams, *Measuring and modeling the anisotropic, nonlinear and hysteretic behavior of woven
+fabrics* (PhD thesis, The University of Iowa, 2010). Numbers in brackets, as (6.11), are its equations.
+
+A scene goes through a few rooms, and each says in its docstring what it stands on:
+
+- `fabrics`: measured fabrics, from TOML files; `identify` makes such a file from test records
+- `laws`: stress from strain and history at a point: `laws.woven` (default), `laws.printed`, `laws.svk`; `laws.section`
+  takes a law through the thickness; `laws.driver` tries one without a mesh
+- `meshing`: a surface from gmsh or from a file of another program, whose parts are found by name
+- `frame`, `kinematics`, `directors`, `assumed_strain`: yarn axes, strains, directors, and strains that do not lock
+- `sheet`: all of that put together: `Sheet`, ready to be held and loaded, and its solvers
+- `supports`, `weakform`: how it is held, and the terms of its weak form
+- `hook`: a law as an operand of UFL forms
+- `statics`, `continuation`: equilibrium, the march through loads, arc length
+- `dynamics`, `explicit`, `motion`, `energy`, `checkpoint`: time, the account of energies, resumption
+- `results`, `pictures`, `frames`: histories, fields, pictures
+- `scenes`, `cli`: a scene as data, and the command `fabric-fenicsx`
+
+The five demos `my_fabric`, `my_mesh`, `my_load`, `my_law` and `my_term` are short, each ends in an exact check, and are
+meant to be copied and changed.
+
+# What it cannot do
+
+- **Contact and friction.** A sheet goes through itself and through others; folds may cross.
+- **Failure.** Yarns do not break, yield, creep or relax: stress depends on strain and on its past, not on time.
+- **Beyond the tests.** A fabric is known up to the largest strain of its tests. From there its curves go on along their
+  tangents, and a warning says so once.
+- **Compression along a yarn** has the first modulus of tension, since a strip cannot be pressed; a sheet buckles.
+- **Bending** is that of the law in layers through the thickness. Real cloth, whose yarns slide, bends more easily; the
+  thesis measured no bending. The thickness of the law is therefore not an independent bending stiffness.
+- **Energy.** The measured law has no potential and its tangent is not symmetric: round a closed loop of strains in two
+  directions it can give back work (`demos/material_point.py` prints how much). `coupling="reciprocal"` of
+  `laws.woven.Woven` lessens that.
+- **Slack cloth** has many wrinkled states. Which one is found depends on mesh, steps and round-off; statics may find
+  none, and a motion needs damping or many cut steps.
+- **Transverse shear** of cloth is not measured; the sheet takes the first shear modulus of its plane for it.
+- **One material a sheet**, though the warp may differ from patch to patch, and a surface without branches (T-joints).
+- **Size.** Steps are solved by a direct solver: time and memory grow faster than the number of cells.
+"""
 
 import sys
 from importlib.util import find_spec

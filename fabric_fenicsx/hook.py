@@ -1,7 +1,15 @@
 """The external operator: a law at every quadrature point of a form, and its history.
 
 In a form, `LawHook.stress` stands for the stress of the law at the hook's strain. UFL differentiates
-through it, and the tangent becomes a coefficient of the Jacobian; one call of the law fills both.
+through it, and the tangent becomes a coefficient of the Jacobian; one call of the law fills both:
+
+    residual   int S(E(u)) . dE[v] h dA                                    (5.17), (5.64)
+    Jacobian   int (dE[v] . C dE[w] + S . d2E[v, w]) h dA,    C = dS/dE    (5.63), (5.67), (5.70)
+
+C, with a row for each stress and a column for each strain, need not be symmetric, and is not for a measured
+fabric. The operator is that of dolfinx-external-operator (Latyshev, Bleyer, Maurini and Hale, 2024). History
+has a committed and a trial state: every evaluation starts from the committed one, so that a line search or a
+step that fails leaves nothing behind, and only `commit` moves the past.
 """
 
 import warnings

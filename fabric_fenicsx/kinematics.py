@@ -1,4 +1,16 @@
-"""From displacement to strain, in UFL."""
+"""From displacement to strain, in UFL (Chapter 5; sections 6.1 and 6.2).
+
+A point of the sheet at height z over its mid-surface X goes from X + z N to x + z d, with x = X + u, the unit
+director d and the reference normal N (5.22), (5.26). With the derivatives along the unit vectors a and b of warp and
+weft, x_,a = a + grad(u) a, the Green-Lagrange strain of that point (6.3), in their axes (6.6), is a polynomial in z,
+
+    E_ab + z K_ab + z^2 Q_ab,    E_ab = (x_,a . x_,b - a . b) / 2,
+    2 K_ab = x_,a . d_,b + x_,b . d_,a - (the same at rest),    Q_ab = (d_,a . d_,b - N_,a . N_,b) / 2,
+
+and 2 E_a3 = x_,a . d - a . N across it. Q is left out unless asked for: it is h/R times smaller than K. Strains do
+not change when the sheet turns as a whole, however far. They are packed as (E11, E22, 2 E12), so that stress times
+strain is work.
+"""
 
 import ufl
 from dolfinx import mesh
@@ -25,7 +37,7 @@ def membrane_strain(u: Expr, axes: tuple[Expr, Expr]) -> Expr:
 def bending_strain(u: Expr, d: Expr, normal: Expr, axes: tuple[Expr, Expr]) -> Expr:
     """Change of curvature (K11, K22, 2 K12), 1/m, of the mid-surface X + u with director d.
 
-    The part of the strain of x + z d that is linear in z, (5.20) with the reference director `normal`.
+    The part of the strain of x + z d that is linear in z, (5.22) in (6.3), with the reference director `normal`.
     """
     (xa, xb), (da, db), (na, nb) = _moved(u, axes), _along(d, axes), _along(normal, axes)
     a, b = axes

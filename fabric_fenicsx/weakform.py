@@ -22,7 +22,7 @@ def elastic_stress(domain: mesh.Mesh, stiffness: np.ndarray, strain: Expr) -> Ex
 
 
 def internal(stress: Expr, strain: Expr, u: fem.Function, v: Expr, thickness: Expr | float, dx: ufl.Measure) -> Form:
-    """Virtual work of the stress, int S . dE h dA in J (5.60); `thickness` h in m.
+    """Virtual work of the stress, int S . dE h dA in J (5.17); `thickness` h in m.
 
     v: test function of the space of `u`.
     """

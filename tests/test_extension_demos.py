@@ -62,3 +62,13 @@ def test_two_ranks_give_the_same(demo, tmp_path):
         assert demo(f"{name}.py", "--out", tmp_path / "one" / name)[0] == 0
         one, two = (read(tmp_path / ranks / name / "history.csv")[column] for ranks in ("one", "two"))
         assert np.abs(one - two).max() <= 1e-6 * np.abs(one).max(), name
+
+
+def test_sleeve(demo, tmp_path):
+    """The beginning of its way, on few cells: it folds already."""
+    status, said, _ = demo("sleeve.py", "--around", "16", "--along", "12", "--end", "0.1", "--out", tmp_path)
+    table = read(tmp_path / "history.csv")
+    assert status == 0 and ": yes;" in said
+    assert table["dissipated_J"][-1] > 0 and table["fold_mm"][-1] > 3 > table["fold_mm"][0]
+    for picture in "deformed.png", "inner_side.png":
+        look(tmp_path / picture)

@@ -1,4 +1,9 @@
-"""A plane law through the thickness of a shell: resultants from strain and curvature."""
+"""A plane law through the thickness of a shell: resultants from strain and curvature.
+
+The strain at a height z is E + z K (`kinematics`), the law answers at Gauss points z_l with weights w_l, and
+the resultants N = sum w_l S_l and M = sum w_l z_l S_l are conjugate to E and K: N . dE + M . dK is the work per
+area, (5.17) integrated through the thickness.
+"""
 
 import numba
 import numpy as np

@@ -19,7 +19,9 @@ layers = 3
 
 [[support]]                                 # as many as are needed
 at = "corners"                              # a named group of the mesh
-kind = "hinge"                              # clamp; symmetry: axis; lead: axis, shift_m; grip: shift_m, ...
+kind = "lead"                               # hinge; clamp; symmetry: axis; grip: shift_m, turn_deg, about_m
+axis = "z"
+shift_m = 0.1                               # of a grip three numbers
 path = [[0, 0], [1, 1]]                     # how much of the move, over the load part (statics) or the time in s
 
 [[load]]
@@ -44,7 +46,7 @@ at = "centre"
 axis = "z"
 
 [output]
-colour = "yarn"                             # warp, weft, shear: the strain in pictures; yarn: larger of warp and weft
+colour = "yarn"                             # the strain in pictures: warp, weft, shear, or the larger yarn strain
 view = [1, -2, 1.2]                         # from the sheet to the eye
 animation = false
 """
