@@ -9,7 +9,8 @@ A scene goes through a few rooms, and each says in its docstring what it stands 
 - `laws`: stress from strain and history at a point: `laws.woven` (default), `laws.printed`, `laws.svk`; `laws.section`
   takes a law through the thickness; `laws.driver` tries one without a mesh
 - `meshing`: a surface from gmsh or from a file of another program, whose parts are found by name
-- `frame`, `kinematics`, `directors`, `assumed_strain`: yarn axes, strains, directors, and strains that do not lock
+- `frame`, `kinematics`, `directors`, `rotation`, `assumed_strain`: yarn axes, strains, directors that turn, and strains
+  that do not lock
 - `sheet`: all of that put together: `Sheet`, ready to be held and loaded, and its solvers
 - `supports`, `weakform`: how it is held, and the terms of its weak form
 - `hook`: a law as an operand of UFL forms
