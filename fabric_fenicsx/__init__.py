@@ -35,7 +35,7 @@ meant to be copied and changed.
   directions it can give back work (`demos/material_point.py` prints how much). `coupling="reciprocal"` of
   `laws.woven.Woven` lessens that.
 - **Slack cloth** has many wrinkled states. Which one is found depends on mesh, steps and round-off; statics may find
-  none, and a motion needs damping or many cut steps.
+  none; a motion goes through them.
 - **Transverse shear** of cloth is not measured; the sheet takes the first shear modulus of its plane for it.
 - **One material a sheet**, though the warp may differ from patch to patch, and a surface without branches (T-joints).
 - **Size.** Steps are solved by a direct solver: time and memory grow faster than the number of cells.
