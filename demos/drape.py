@@ -22,7 +22,7 @@ import moving
 import numpy as np
 import ufl
 
-from fabric_fenicsx import command, energy, results, supports
+from fabric_fenicsx import command, results, supports
 from fabric_fenicsx.errors import InputError
 
 MESH = Path(__file__).parent.parent / "meshes" / "drape.geo"
@@ -31,11 +31,10 @@ G = 9.81
 
 def scene(args, comm=MPI.COMM_WORLD):
     """The sheet, held and loaded, ready to fall."""
-    cloth, areal_mass, moved = moving.square(MESH, args, args.patch or moving.SIDE / args.cells, comm)
+    cloth, areal_mass = moving.square(MESH, args, args.patch or moving.SIDE / args.cells, comm)
     weight = cloth.weight(areal_mass, ufl.as_vector((0.0, 0.0, -G)))
     bcs = supports.hinge(cloth.domain, cloth.space, "corner_patches" if args.patch else "corners")
-    run = moving.runner(args, moved, weight, bcs, cloth)
-    ledger = energy.Ledger(run, weight, cloth.stored, [(hook, 1.0) for hook in cloth.hooks])
+    run, ledger = moving.runner(args, cloth, areal_mass, bcs, weight)
     probes = {"center_z_m": moving.value_at(cloth, 2, "centre")}
     name, made_with = f"drape of {Path(args.fabric).stem}", moving.settings("drape", args, f"patch {args.patch}")
     return moving.Scene(name, cloth, run, ledger, probes, moving.yarn_strain(cloth), "larger yarn strain", made_with)

@@ -15,7 +15,7 @@ import numpy as np
 from dolfinx import fem
 from scipy.special import j0, jn_zeros
 
-from fabric_fenicsx import command, dynamics, energy, motion, results, sheet, supports
+from fabric_fenicsx import command, results, sheet, supports
 from fabric_fenicsx.laws.svk import StVenantKirchhoff
 
 MESH = Path(__file__).parent.parent / "meshes" / "strip.geo"
@@ -36,11 +36,9 @@ def scene(args, mode, comm=MPI.COMM_WORLD):
     areal_mass = DENSITY * THICKNESS
     weight = strip.weight(areal_mass, fem.Constant(domain.mesh, np.array([0.0, 0.0, -G])))
     bcs = supports.hinge(domain, strip.space, "fixed_end")
-    moved = motion.Motion(strip.q, strip.mass(areal_mass), strip.shell, rho=args.rho)
-    run = dynamics.Newmark(moved, strip.internal - weight, bcs, rtol=args.rtol)
+    run, ledger = strip.newmark(areal_mass, bcs, weight, args.rho, rotary="thickness", rtol=args.rtol)
     deflect(strip, jn_zeros(0, mode)[-1])
     run.solver.renew()
-    ledger = energy.Ledger(run, weight, strip.stored)
     probes = {"end_x_m": moving.value_at(strip, 0, "pulled_end")}
     name = f"strip in mode {mode}"
     settings = f"{name}, {args.cells} cells, {args.element}"

@@ -15,11 +15,8 @@ from fabric_fenicsx import (
     checkpoint,
     command,
     directors,
-    dynamics,
-    explicit,
     fabrics,
     meshing,
-    motion,
     results,
     sheet,
     supports,
@@ -51,17 +48,14 @@ def read(mesh, element, comm, **numbers):
 
 
 def square(mesh, args, a, comm):
-    """The sheet of the drape and of the poke, 2 m x 2 m and cut at a (m), its mass in kg/m2, and its Motion."""
+    """The sheet of the drape and of the poke, 2 m x 2 m and cut at a (m), and its mass in kg/m2."""
     if args.cells % 2:
         raise InputError(f"--cells {args.cells} is odd; take an even number, so that the middle is a node.")
     fabric = fabrics.load(args.fabric)
     own_law, G = law(args, fabric)
     domain = read(mesh, args.element, comm, side=SIDE, n=args.cells, a=a)
     cloth = sheet.Sheet(domain, own_law, fabric.thickness, (G, G), element=args.element, layers=args.layers)
-    areal_mass = fabric.density * fabric.thickness
-    mass = cloth.mass(areal_mass, args.rotary)
-    moved = motion.Motion(cloth.q, mass, cloth.shell, rho=args.rho, damping=args.damping, lumped=args.lumped)
-    return cloth, areal_mass, moved
+    return cloth, fabric.density * fabric.thickness
 
 
 def pair(text):
@@ -100,13 +94,14 @@ def add_common(parser, rho, rtol):
     parser.add_argument("--animation", action="store_true", help="a gif of 50 frames")
 
 
-def runner(args, moved, loads, bcs, cloth, set_load=lambda t: None):
-    """The time integrator that the command line asks for; loads: virtual work of forces, a form or 0."""
+def runner(args, cloth, areal_mass, bcs, loads, set_load=lambda t: None):
+    """The time integrator that the command line asks for, and its ledger; loads: virtual work, a form or 0."""
+    same = {"damping": args.damping, "rotary": args.rotary, "set_load": set_load}
     if args.method == "implicit":
-        return dynamics.Newmark(moved, -loads, bcs, (), set_load, rtol=args.rtol, works=cloth.works)
-    run = explicit.CentralDifference(moved, -loads, bcs, (), set_load, works=cloth.works)
+        return cloth.newmark(areal_mass, bcs, loads, args.rho, lumped=args.lumped, rtol=args.rtol, **same)
+    run, ledger = cloth.explicit(areal_mass, bcs, loads, **same)
     command.say(f"stable step {run.stable * 1e6:.3g} us; directors have the inertia of a {args.rotary}")
-    return run
+    return run, ledger
 
 
 def settings(scene, args, *more):

@@ -19,7 +19,7 @@ import numpy as np
 from dolfinx import fem
 from scipy.special import ellipk
 
-from fabric_fenicsx import command, dynamics, energy, motion, results, sheet, supports
+from fabric_fenicsx import command, results, sheet, supports
 from fabric_fenicsx.errors import InputError
 from fabric_fenicsx.laws.svk import StVenantKirchhoff
 
@@ -47,15 +47,10 @@ def scene(args, degrees=90.0, comm=MPI.COMM_WORLD):
     plate = sheet.Sheet(domain, law, THICKNESS, (shear, shear), (0.0, 1.0, 0.0), element=args.element)
     weight = plate.weight(AREAL_MASS, fem.Constant(domain.mesh, np.array([0.0, 0.0, 0.0 if args.free else -G])))
     bcs = [] if args.free else supports.hinge(domain, plate.space, "top")
-    moved = motion.Motion(plate.q, plate.mass(AREAL_MASS), plate.shell, rho=args.rho)
-    # a stiff plate that turns: 5 full Newton steps, or 14 shortened ones
-    run = dynamics.Newmark(
-        moved, plate.internal - weight, bcs, rtol=args.rtol, options={"snes_linesearch_type": "basic"}
-    )
-    ledger = energy.Ledger(run, weight, plate.stored)
+    run, ledger = plate.newmark(AREAL_MASS, bcs, weight, args.rho, rotary="thickness", rtol=args.rtol)
     if args.free:
-        launch(moved, np.array([SIDE / 2, SIDE / 2, 0.0]))
-        name, momentum = "free plate", Momenta(moved)
+        launch(run.motion, np.array([SIDE / 2, SIDE / 2, 0.0]))
+        name, momentum = "free plate", Momenta(run.motion)
         probes = {
             f"{kind}_{axis}_{unit}": partial(momentum, angular, i)
             for kind, unit, angular in (("angular_momentum", "Nms", True), ("momentum", "Ns", False))

@@ -18,7 +18,7 @@ from pathlib import Path
 import moving
 import numpy as np
 
-from fabric_fenicsx import command, energy, fabrics, results, supports
+from fabric_fenicsx import command, fabrics, results, supports
 from fabric_fenicsx.errors import InputError
 
 MESH = Path(__file__).parent.parent / "meshes" / "drape.geo"
@@ -59,11 +59,10 @@ def scene(args, comm=MPI.COMM_WORLD):
     """The sheet, held and ready to be pushed."""
     if args.cells % 10:
         raise InputError(f"--cells {args.cells}: take a multiple of 10, so that the middle is made of whole cells.")
-    cloth, _, moved = moving.square(MESH, args, 0.4 * moving.SIDE, comm)
+    cloth, areal_mass = moving.square(MESH, args, 0.4 * moving.SIDE, comm)
     held, move = supports.grip(cloth.domain, cloth.space, "middle")
     bcs = supports.clamp(cloth.domain, cloth.space, "rim") + held
-    run = moving.runner(args, moved, 0, bcs, cloth, lambda t: move((0, 0, height(t, args.jerk))))
-    ledger = energy.Ledger(run, None, cloth.stored, [(hook, 1.0) for hook in cloth.hooks])
+    run, ledger = moving.runner(args, cloth, areal_mass, bcs, 0, lambda t: move((0, 0, height(t, args.jerk))))
     probes = {"center_z_m": moving.value_at(cloth, 2, "centre")}
     for name, place in ELEMENTS.items():
         values = probe(cloth, place)

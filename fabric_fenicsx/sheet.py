@@ -14,6 +14,7 @@ from . import assumed_strain, directors, frame, kinematics, motion, weakform
 from .dynamics import Newmark
 from .energy import Ledger
 from .errors import InputError
+from .explicit import CentralDifference
 from .hook import LawHook
 from .laws import Law, section
 from .meshing import Domain
@@ -171,8 +172,7 @@ class Sheet:
 
         loads: virtual work of the forces on the sheet, in J; what resists, such as a spring, is negative.
         """
-        residual: Form | int = -loads if self.works else self.internal - loads
-        hooks = () if self.works else self.hooks
+        residual, bcs, hooks = self._resisting(loads, bcs)
         return StaticSolver(residual, self.q, bcs, hooks, rtol, options, self.shell, self.works)
 
     def newmark(
@@ -183,19 +183,43 @@ class Sheet:
         rho: float = 0.8,
         damping: float = 0.0,
         rotary: str = "cell",
+        lumped: bool = False,
         **settings: Any,
     ) -> tuple[Newmark, Ledger]:
-        """This sheet in motion, and the account of its energies; areal mass in kg/m2, loads as for `equilibrium`.
+        """This sheet in implicit motion, and the account of its energies.
 
-        rho, damping: see `motion.Motion`; rotary: see `mass`; settings: of `dynamics.Newmark`, such as set_load.
+        areal_mass in kg/m2; loads as for `equilibrium`; rho, damping, lumped: see `motion.Motion`; rotary: see `mass`;
+        settings: of `dynamics.Newmark`, such as set_load.
         """
-        moved = motion.Motion(self.q, self.mass(areal_mass, rotary), self.shell, rho=rho, damping=damping)
-        residual: Form | int = -loads if self.works else self.internal - loads
-        hooks = () if self.works else self.hooks
-        run = Newmark(moved, residual, bcs, hooks, works=self.works, **settings)
+        moved = motion.Motion(self.q, self.mass(areal_mass, rotary), self.shell, rho, None, damping, lumped)
+        return self._in_motion(Newmark, moved, bcs, loads, settings)
+
+    def explicit(
+        self,
+        areal_mass: float,
+        bcs: Sequence[fem.DirichletBC],
+        loads: Form | int = 0,
+        damping: float = 0.0,
+        rotary: str = "cell",
+        **settings: Any,
+    ) -> tuple[CentralDifference, Ledger]:
+        """As `newmark`, in explicit motion; settings: of `explicit.CentralDifference`."""
+        moved = motion.Motion(self.q, self.mass(areal_mass, rotary), self.shell, damping=damping)
+        return self._in_motion(CentralDifference, moved, bcs, loads, settings)
+
+    def _in_motion(
+        self, kind: Any, moved: motion.Motion, bcs: Sequence[fem.DirichletBC], loads: Form | int, settings: Any
+    ) -> tuple[Any, Ledger]:
+        run = kind(moved, *self._resisting(loads, bcs), works=self.works, **settings)
         h = self.thickness if self.shell is None else 1.0
         external = loads if isinstance(loads, Form) else None
         return run, Ledger(run, external, self.stored, [(hook, h) for hook in self.hooks])
+
+    def _resisting(self, loads: Form | int, bcs: Sequence[fem.DirichletBC]) -> tuple[Form | int, Any, Any]:
+        """Residual beside `works`, conditions, and hooks that are not in them."""
+        if self.works:
+            return -loads, bcs, ()
+        return self.internal - loads, bcs, self.hooks
 
     # -- to be shown -------------------------------------------------------------------------------------------------
 
