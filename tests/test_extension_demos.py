@@ -49,6 +49,8 @@ def test_two_ranks_give_the_same(demo, tmp_path):
     if mpirun is None:
         pytest.skip("there is no mpirun")
     commands = [[str(DEMOS / f"{name}.py"), "--out", str(tmp_path / "two" / name)] for name in MINE]
+    sleeve = ["--around", "16", "--along", "12", "--end", "0.06", "--out"]
+    commands.append([str(DEMOS / "sleeve.py"), *sleeve, str(tmp_path / "two" / "sleeve")])
     answer = subprocess.run(
         [mpirun, "-n", "2", sys.executable, "-c", test_demos.TWICE, json.dumps(commands)],
         capture_output=True,
@@ -57,11 +59,14 @@ def test_two_ranks_give_the_same(demo, tmp_path):
         check=False,
     )
     assert answer.returncode == 0, answer.stderr
-    assert answer.stdout.count(": yes;") == len(MINE), "said once, by rank 0"
+    assert answer.stdout.count(": yes;") == len(commands), "said once, by rank 0"
     for name, column in (("my_load", "sag_m"), ("my_law", "force_N")):
         assert demo(f"{name}.py", "--out", tmp_path / "one" / name)[0] == 0
         one, two = (read(tmp_path / ranks / name / "history.csv")[column] for ranks in ("one", "two"))
         assert np.abs(one - two).max() <= 1e-6 * np.abs(one).max(), name
+    assert demo("sleeve.py", *sleeve, tmp_path / "one" / "sleeve")[0] == 0
+    one, two = (read(tmp_path / ranks / "sleeve" / "history.csv")["wrist_x_N"] for ranks in ("one", "two"))
+    assert np.abs(one - two).max() <= 1e-6 * np.abs(one).max()
 
 
 def test_sleeve(demo, tmp_path):
