@@ -22,8 +22,13 @@ setup: ## .venv and the system libraries, if anything is missing
 docs: setup ## pages on every room and the demos to extend from, in out/docs
 	$(python) -m pdoc --docformat markdown -o out/docs fabric_fenicsx demos/my_*.py demos/sleeve.py
 
+studies: setup ## what features cost, where the limits are, error against run time; tables and plots under out
+	$(python) demos/lean_scenes.py
+	$(python) demos/stability.py
+	$(python) demos/error_vs_runtime.py
+
 clean: ## remove .venv and the caches in this folder; results under out/ stay
 	rm -rf .venv .cache build *.egg-info .hypothesis .mypy_cache .pytest_cache .ruff_cache
 	find . -name __pycache__ -prune -exec rm -rf {} +
 
-.PHONY: help demo test lint docs setup clean
+.PHONY: help demo test lint docs studies setup clean

@@ -1,6 +1,5 @@
 """Two studies of `shell_benchmarks.py`: which element locks, and what a Newton iteration costs."""
 
-import csv
 import itertools
 import time
 
@@ -10,6 +9,7 @@ import shell_model
 import ufl
 from mpi4py import MPI
 from dolfinx import fem
+from studies import show, write
 
 from fabric_fenicsx import (
     assumed_strain,
@@ -34,28 +34,6 @@ ALLOWED = {16: 0.03, 32: 0.01}
 DEFAULTS, PLAIN = ("regge", "mitc4"), ("p2cr1", "q1")
 """The elements that must not lock, and for each the one with the strains of its displacement."""
 STEPS = (1, 2, 4, 8, 16, 32, 64, 128)
-
-
-WIDTHS = {"case": 16, "worst": 13, "computed": 12, "reference": 12}
-
-
-def show(rows, head=True):
-    """Print rows under their names."""
-    widths = [WIDTHS.get(name, max(len(name), 9)) + 2 for name in rows[0]]
-    if head:
-        command.say("".join(f"{name:>{width}s}" for name, width in zip(rows[0], widths, strict=True)))
-    for row in rows:
-        words = [f"{value:.4g}" if isinstance(value, float) else str(value) for value in row.values()]
-        command.say("".join(f"{word:>{width}s}" for word, width in zip(words, widths, strict=True)))
-
-
-def write(path, rows):
-    """The same rows to a file, by rank 0."""
-    if MPI.COMM_WORLD.rank == 0:
-        with open(path, "w", newline="") as file:
-            writer = csv.DictWriter(file, list(rows[0]))
-            writer.writeheader()
-            writer.writerows(rows)
 
 
 # Locking

@@ -74,6 +74,8 @@ class Sheet:
             self._build_membrane(warp, element)
         elif shear is None:
             raise InputError("A shell needs two transverse shear moduli, shear=(G13, G23) in Pa.")
+        elif not all(np.isfinite(G) and G > 0.0 for G in shear):
+            raise InputError(f"The transverse shear moduli {shear!r} Pa are not two positive numbers.")
         else:
             self._build_shell(warp, element, layers, shear, reach)
 
@@ -144,6 +146,8 @@ class Sheet:
         """
         if rotary not in ROTARY:
             raise InputError(f"rotary={rotary!r} is not one of {', '.join(ROTARY)}.")
+        if not (np.isfinite(areal_mass) and areal_mass > 0.0):
+            raise InputError(f"An areal mass of {areal_mass!r} kg/m2 is not a positive number.")
         dx = ufl.Measure("dx", self.domain.mesh, metadata={"quadrature_degree": 4})
         trial = ufl.TrialFunction(self.q.function_space)
         if self.shell is None:

@@ -15,7 +15,7 @@ from ufl.form import Form
 from .continuation import Step as Step
 from .continuation import march as march
 from .directors import ShellSpace
-from .errors import StepFailed
+from .errors import InputError, StepFailed
 from .hook import LawHook, derive, forget_traversals
 from .stiffness import InternalWork, factorise_by_diagonal, matrix
 
@@ -62,6 +62,8 @@ class StaticSolver:
         space: ShellSpace | None = None,
         works: Sequence[InternalWork] = (),
     ) -> None:
+        if not 0.0 < rtol < 1.0:
+            raise InputError(f"A relative tolerance of {rtol!r} is not between 0 and 1.")
         self.u, self.rtol, self._shell, self._works = u, rtol, space, tuple(works)
         self.hooks = (*hooks, *(work.hook for work in works if work.hook is not None))
         self._bcs = list(bcs)
@@ -248,8 +250,7 @@ class StaticSolver:
         if reason > 0:
             return moved + self.snes.getIterationNumber()
         if reason == PETSc.SNES.ConvergedReason.DIVERGED_FUNCTION_NANORINF:
-            # PETSc has not asked `converged` about this one
-            self.residuals.append(np.nan)
+            self.residuals.append(np.nan)  # PETSc has not asked `converged` about this one
         raise self.failure(reasons.get(reason, str(reason)))
 
     def failure(self, reason: str) -> StepFailed:
@@ -267,8 +268,7 @@ class StaticSolver:
     def commit(self) -> None:
         """Accept the present u: the only call that moves the past."""
         for hook in self.hooks:
-            # the last residual need not have been at the accepted u
-            hook.evaluate()
+            hook.evaluate()  # the last residual need not have been at the accepted u
             hook.commit()
         if self._shell is not None:
             self._shell.commit(self._y)

@@ -17,9 +17,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..errors import InputError
 from . import Array, kernels
-from .woven import beyond_calibration
+from .woven import beyond_calibration, ratios
 
 if TYPE_CHECKING:
     from ..fabrics import Fabric
@@ -32,11 +31,9 @@ class Printed:
     """
 
     def __init__(self, fabric: "Fabric", poisson: str = "measured", shear_hysteresis: bool = True) -> None:
-        if poisson not in fabric.poisson:
-            raise InputError(f"poisson={poisson!r} is not one of {', '.join(fabric.poisson)} for {fabric.name}.")
         self.fabric = fabric
         self.symmetric = False
-        self._nu = fabric.poisson[poisson]
+        self._nu = ratios(fabric, poisson)
         self._curves = tuple(
             kernels.pack(c.modulus, c.unloading, c.limit, 1.0) for c in (fabric.warp, fabric.weft, fabric.shear)
         )

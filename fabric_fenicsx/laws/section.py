@@ -26,8 +26,8 @@ class Section:
     def __init__(self, law: Law, thickness: float, layers: int = 3, quadratic: bool = False) -> None:
         if not (np.isfinite(thickness) and thickness > 0):
             raise InputError(f"A thickness of {thickness!r} m is not a positive number.")
-        if layers < 2:
-            raise InputError(f"A section of {layers} layer cannot bend: take 2 or more, or a membrane.")
+        if not (layers >= 2 and layers == int(layers)):
+            raise InputError(f"A section of {layers} layers cannot bend: take a whole number from 2 on, or a membrane.")
         points, weights = np.polynomial.legendre.leggauss(layers)
         self.law, self.thickness = law, thickness
         self.heights, self._weights = points * thickness / 2, weights * thickness / 2

@@ -56,14 +56,12 @@ class Woven:
         coupling: str = "measured",
         ramp: float = RAMP,
     ) -> None:
-        if poisson not in fabric.poisson:
-            raise InputError(f"poisson={poisson!r} is not one of {', '.join(fabric.poisson)} for {fabric.name}.")
+        nu12, nu21 = ratios(fabric, poisson)
         if coupling not in ("measured", "reciprocal"):
             raise InputError(f"coupling={coupling!r} is neither 'measured' nor 'reciprocal'.")
         if not (0.0 < ramp < np.inf):
             raise InputError(f"ramp={ramp!r} must be a positive strain such as {RAMP}.")
         self.fabric = fabric
-        nu12, nu21 = fabric.poisson[poisson]
         self.symmetric = False
         self.shear_hysteresis = shear_hysteresis
         self.reciprocal = coupling == "reciprocal"
@@ -111,6 +109,26 @@ class Woven:
     def beyond_calibration(self, strain: Array) -> str | None:
         """One sentence if a strain (n, 3) lies beyond the measured range, else None."""
         return beyond_calibration(self.fabric, strain)
+
+
+def ratios(fabric: "Fabric", poisson: str) -> tuple[float, float]:
+    """Poisson's ratios of that name, of a fabric that a law can be made of; InputError if it cannot.
+
+    What comes from a file has been checked; a fabric that was made or changed in Python has not.
+    """
+    if poisson not in fabric.poisson:
+        raise InputError(f"poisson={poisson!r} is not one of {', '.join(fabric.poisson)} for {fabric.name}.")
+    nu12, nu21 = fabric.poisson[poisson]
+    if not (np.isfinite(nu12 + nu21) and nu12 * nu21 < 1.0):
+        raise InputError(f"{fabric.name}: Poisson's ratios {nu12!r} and {nu21!r} must have a product below 1.")
+    for name, curve in (("warp", fabric.warp), ("weft", fabric.weft), ("shear", fabric.shear)):
+        moduli = np.array([*np.atleast_1d(curve.tangent(np.linspace(0, curve.limit, 50))), curve.unloading])
+        if not (np.isfinite(moduli).all() and (moduli > 0.0).all() and 0.0 < curve.limit < np.inf):
+            raise InputError(
+                f"{fabric.name}: the {name} curve has moduli of {moduli.min():.4g} to {moduli.max():.4g} Pa up to a "
+                f"strain of {curve.limit:.4g}; all of them must be positive numbers."
+            )
+    return nu12, nu21
 
 
 def beyond_calibration(fabric: "Fabric", strain: Array) -> str | None:

@@ -1,0 +1,139 @@
+"""What a feature costs, and that it costs nothing where it is not used.
+
+One table, a row a feature, of small scenes with and without it: unknowns, kernels compiled (integrals of forms and
+expressions), batches of cells (`stiffness.InternalWork`), processor time of compiling them into an empty cache, bytes
+of history (of laws and of motion, committed and trial), and processor time of a Newton iteration (residual, stiffness,
+factorisation, solution; the fastest of several), to which the energy ledger adds what it does once a step.
+
+Then the elastic plane scene is held against the same problem in twenty lines of plain DOLFINx, in this run.
+
+    python demos/lean_scenes.py            # some minutes: every form is compiled anew
+    python demos/lean_scenes.py --quick    # with the forms in the cache, on fewer cells
+
+The checked numbers: no scene has fewer unknowns, kernels, batches or bytes with a feature than without; the elastic
+plane scene has no history and no kernel more than that in plain DOLFINx, and takes at most 1.1 of its time.
+"""
+
+from mpi4py import MPI  # isort: skip  (first, as in every DOLFINx script: it loads the MPI library)
+
+import argparse
+import time
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import studies
+from lean_model import DT, FEATURES, LENGTH, PLANE, PULL, QUICK, Built, by_hand
+
+from fabric_fenicsx import command, results
+
+ALLOWED = 1.1
+
+
+def measure(scene, cells, cold):
+    """A scene and what it costs."""
+    with studies.compiled(cold) as made:
+        built = Built(scene, cells, MPI.COMM_WORLD)
+    return {
+        "unknowns": built.unknowns,
+        "kernels": made.integrals + made.expressions,
+        "batches": built.batches,
+        "history_bytes": built.history,
+        "compile_s": made.cpu_s,
+        "ms": 1e3 * built.iterations(),
+    }
+
+
+def against_hand(cells, rounds):
+    """Processor time of a Newton iteration, ms, in the package and in plain DOLFINx, and kernels of both."""
+    best, kernels = np.full(2, np.inf), []
+    with studies.compiled(False) as made:
+        u, end, problem = by_hand(cells, MPI.COMM_WORLD)
+    kernels = [0, made.integrals + made.expressions]
+    for _ in range(rounds):
+        with studies.compiled(False) as made:
+            built = Built(PLANE, cells, MPI.COMM_WORLD)
+        kernels[0] = made.integrals + made.expressions
+        best[0] = min(best[0], built.iterations())
+        u.x.array[:] = 0.0
+        for t in np.arange(1, 17) * DT:
+            end.value = PULL * LENGTH * (t / (20 * DT)) ** 2
+            clock = time.process_time()
+            problem.solve()
+            best[1] = min(best[1], (time.process_time() - clock) / problem.solver.getIterationNumber())
+    # the same answer, else it would be no comparison
+    moved = [np.sqrt(MPI.COMM_WORLD.allreduce(np.sum(q.x.array[: q.x.index_map.size_local * q.x.block_size] ** 2)))
+             for q in (built.solver.u, u)]  # fmt: skip
+    if not np.isclose(*moved, rtol=1e-6):
+        raise RuntimeError(f"The scene by hand is another one: {moved[1]:.6g} in place of {moved[0]:.6g}.")
+    return 1e3 * best, kernels
+
+
+def row(feature, without, with_it):
+    """A row of the table."""
+    result = {"feature": feature}
+    for name in without:
+        result |= {name: without[name], f"{name}_with": with_it[name]}
+    return result
+
+
+def plot(path, rows):
+    """Newton iteration and compile time of every feature, with and without."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(10, 0.35 * len(rows) + 1.5), layout="constrained")
+    y = np.arange(len(rows))
+    for axes, name, label in zip(
+        figure.subplots(1, 2, sharey=True), ("ms", "compile_s"), ("Newton iteration, ms", "compiling, s"), strict=True
+    ):
+        axes.barh(y - 0.2, [r[name] for r in rows], 0.4, label="without", color="0.7")
+        axes.barh(y + 0.2, [r[f"{name}_with"] for r in rows], 0.4, label="with", color="C0")
+        axes.set(xlabel=f"{label} (processor time)", yticks=y, yticklabels=[r["feature"] for r in rows])
+        axes.grid(axis="x", alpha=0.3)
+        axes.legend(fontsize=8)
+    axes.invert_yaxis()
+    figure.savefig(path, dpi=150)
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--quick", action="store_true", help="a few features on few cells, forms from the cache")
+    parser.add_argument("--out", type=Path, default=Path("out/lean_scenes"))
+    args = command.parse(parser)
+    out, cells = results.folder(args.out), (18, 12) if args.quick else (48, 32)
+    known = cache(lambda scene: measure(scene, cells, not args.quick))
+    rows, lean = [], True
+    command.say(studies.machine())
+    command.say(f"{cells[0]} x {cells[1]} cells; each pair is without -> with")
+    command.say(f"{'feature':24s}{'unknowns':>17s}{'kernels':>10s}{'batches':>10s}{'history, kB':>18s}"
+                f"{'compiling, s':>16s}{'iteration, ms':>18s}")  # fmt: skip
+    for feature, pair in FEATURES.items():
+        if args.quick and feature not in QUICK:
+            continue
+        without, with_it = map(known, pair)
+        rows.append(row(feature, without, with_it))
+        lean &= all(without[name] <= with_it[name] for name in ("unknowns", "kernels", "batches", "history_bytes"))
+        command.say(
+            f"{feature:24s}{without['unknowns']:8d} ->{with_it['unknowns']:6d}{without['kernels']:5d} ->"
+            f"{with_it['kernels']:2d}{without['batches']:5d} ->{with_it['batches']:2d}"
+            f"{without['history_bytes'] / 1e3:9.1f} ->{with_it['history_bytes'] / 1e3:6.0f}"
+            f"{without['compile_s']:8.2f} ->{with_it['compile_s']:5.2f}{without['ms']:9.2f} ->{with_it['ms']:6.2f}"
+        )
+    studies.write(out / "lean_scenes.csv", rows)
+    if MPI.COMM_WORLD.rank == 0:
+        plot(out / "lean_scenes.png", rows)
+    (own, hand), kernels = against_hand((60, 40) if args.quick else (120, 80), 3)
+    ratio, plain = own / hand, known(PLANE)
+    command.say(
+        f"elastic plane scene: {own:.2f} ms an iteration, {kernels[0]} kernels, {plain['history_bytes']} bytes of "
+        f"history; by hand {hand:.2f} ms, {kernels[1]} kernels; ratio {ratio:.2f}"
+    )
+    lean &= kernels[0] <= kernels[1] and plain["history_bytes"] == 0
+    good = lean and ratio <= ALLOWED
+    command.say(f"check: nothing is paid for that is not used: {'yes' if lean else 'NO'}; ratio at most {ALLOWED:g}: "
+                f"{'yes' if ratio <= ALLOWED else 'NO'}; see {out}")  # fmt: skip
+    return 0 if good else 1
+
+
+if __name__ == "__main__":
+    command.run(main)
