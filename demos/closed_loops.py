@@ -1,8 +1,9 @@
 """How much energy a law can make: the work that it gives back round closed loops of the strains E11 and E22.
 
 The measured coupling has no potential, so that round a loop a fabric can do work. A loop counts when it has been gone
-round twice before. What it makes is the work that it gives back and what it has stored more than a round before; with
-the measured coupling stress and state come back to what they were, and the second part is nothing.
+round before. What it makes is the work that it gives back and what it has stored more than a round before; with the
+measured coupling stress and state come back to what they were, and the second part is nothing. With the reciprocal one
+they creep from round to round, and it takes more rounds until what a loop makes by that is used up.
 """
 
 import numpy as np
@@ -21,7 +22,7 @@ def path(loops, t):
     return centre + half * np.where(loops[:, 5:] > 0.5, cornered, round_)
 
 
-def created(law, loops, parts, rounds=3):
+def created(law, loops, parts, rounds):
     """What the last of some rounds makes, and the most that is stored on the way, both J/m3; and the gap; all (n,).
 
     gap: how far the stress is from that of the round before, over its largest size.
@@ -56,9 +57,10 @@ def inside(loops, low, high):
 def worst(law, trials=2000, generations=25, parts=400, seed=0):
     """The loop that makes most energy as a part of what is stored at its peak: random loops, the best bred further.
 
-    Strains lie between the contraction of the uniaxial tests and their ends. The best twenty are gone round ten
-    times in five times as many parts, since a law of first order makes or loses some energy by its increments alone.
+    Strains lie between the contraction of the uniaxial tests and their ends. The best twenty are gone round again in
+    five times as many parts, since a law of first order makes or loses some energy by its increments alone.
     """
+    rounds = 10 if law.reciprocal else 3
     rng = np.random.default_rng(seed)
     fabric = law.fabric
     (nu12, nu21), high = fabric.poisson["measured"], np.array([fabric.warp.limit, fabric.weft.limit])
@@ -66,7 +68,7 @@ def worst(law, trials=2000, generations=25, parts=400, seed=0):
     size = high - low
 
     def score(loops, parts):
-        made, stored, _ = created(law, loops, parts)
+        made, stored, _ = created(law, loops, parts, rounds)
         return made / np.maximum(stored, 1.0)
 
     loops = np.column_stack([
@@ -83,7 +85,7 @@ def worst(law, trials=2000, generations=25, parts=400, seed=0):
         loops, share = np.vstack([loops[best], young]), np.concatenate([share[best], score(young, parts)])
         width *= 0.85
     finalists = loops[np.argsort(-share)[:20]]
-    made, stored, gap = created(law, finalists, 5 * parts, rounds=10)
+    made, stored, gap = created(law, finalists, 5 * parts, rounds)
     best = int(np.argmax(made / np.maximum(stored, 1.0)))
     centre, half = finalists[best, :2], finalists[best, 2:4]
     return {
@@ -91,6 +93,7 @@ def worst(law, trials=2000, generations=25, parts=400, seed=0):
         "created_kJ_per_m3": float(made[best] / 1e3),
         "stored_kJ_per_m3": float(stored[best] / 1e3),
         "gap": float(gap[best]),
+        "rounds": rounds,
         "rectangle": bool(finalists[best, 5] > 0.5),
         "E11": [float(centre[0] - half[0]), float(centre[0] + half[0])],
         "E22": [float(centre[1] - half[1]), float(centre[1] + half[1])],

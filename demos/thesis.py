@@ -52,7 +52,7 @@ def write(done, path, quick):
     """The page; the figures of the thesis that have no counterpart on it."""
     body = sections.written(sections.Answers(done), ROOMS)
     contents, missing = index(body)
-    failed = [f"{name}: {result.failure}" for name, result in done.items() if result.failure]
+    failed = [f"“{name}” failed: {result.failure}" for name, result in done.items() if result.failure]
     parts = [
         f"<h1>{TITLE}</h1>",
         page.p(
@@ -65,10 +65,11 @@ def write(done, path, quick):
         page.p(
             "“Continuous” is the law as a continuous function of strain, the default of this code; “printed” is the "
             "thesis's update, Box 6-1, with its misprints mended. Stress is second Piola-Kirchhoff over the measured "
-            "thickness, strain is Green-Lagrange."
+            "thickness, strain is Green-Lagrange. A fabric has one colour throughout; a legend shows that of the "
+            "first panel."
         ),
         page.p("This is the quick variant: few cases, coarse.", kind="settings") if quick else "",
-        "".join(page.p(f"The case “{line}", kind="failed") for line in failed),
+        "".join(page.p(f"The case {line}", kind="failed") for line in failed),
         contents,
         body,
         f"<h2>What was run</h2>{list_of(done)}",

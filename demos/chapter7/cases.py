@@ -89,7 +89,7 @@ def listed(quick=False):
         add(f"drape continuous {fabric}", "motion.drape", fabric=fabric, **scenes["drape"])
         mesh = {"cells": (24, 8), "element": "regge", "laws": ("continuous",)}
         add(f"refined {fabric}", "statics.cycles", fabric=fabric, steps=20, **mesh)
-        add(f"loops {fabric}", "points.loops", fabric=fabric, trials=600, generations=15, parts=400)
+        add(f"loops {fabric}", "points.loops", fabric=fabric, trials=1000, generations=25, parts=300)
     add("buckled blend", "statics.buckled", fabric="blend", steps=20, cells=(24, 8), height_mm=0.1)
     counts = (10, 20, 40, 80, 160)
     for fabric in NAMES:

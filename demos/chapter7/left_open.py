@@ -138,17 +138,17 @@ def energy(r):
             shape = "rectangle" if loop["rectangle"] else "ellipse"
             rows.append((
                 name, f"{coupling}, {ratios} ratios", f"{loop['created_kJ_per_m3']:.3g}",
-                f"{loop['stored_kJ_per_m3']:.3g}", f"{100 * loop['share']:.3g} %",
+                f"{loop['stored_kJ_per_m3']:.3g}", f"{loop['share']:.2f}",
                 f"{answer['warp_test_kJ_per_m3']:.3g}", f"{shape}, E11 {E[0]}, E22 {E[1]}",
-                f"{100 * loop['gap']:.1g} %",
+                f"{100 * loop['gap']:.1f} %, {loop['rounds']}",
             ))  # fmt: skip
             if kind == "measured measured":
                 most = max(most, (loop["share"], name))
             if coupling == "reciprocal":
-                least.append(f"{100 * loop['share']:.3g} % ({name})")
+                least.append(f"{loop['share']:.2f} ({name})")
     scenes = {name: done for name in r.done if name.startswith(("drape", "poke cont")) and (done := r.get(name))}
     bills = [
-        (name, f"{answer['law_gives_back_percent']:.3f} %", f"{answer['dissipated_least_percent']:.3f} %",
+        (name, f"{answer['law_gives_back_percent']:.3f} %", page.percent(answer["dissipated_least_percent"], 3),
          f"{answer['history']['dissipated_J'][-1]:.4g} J of {answer['external_work_most_J']:.4g} J")
         for name, answer in scenes.items()
     ]  # fmt: skip
@@ -157,12 +157,14 @@ def energy(r):
         page.settings(
             "a search over ellipses and rectangles in E11 and E22, from the contraction of the tests to their ends: "
             f"{asked['trials']} random ones, the best bred through {asked['generations']} generations, and gone round "
-            "ten times. Shear is a curve by itself, and only dissipates. Made: work given back in the last round, and "
-            "what is stored more after it. Stored: what the law can give back at the peak of the loop, yarn by yarn."
+            "several times. Shear is a curve by itself, and only dissipates. Made: work given back in the last round, "
+            "and what is stored more after it. Stored: what the law can give back at the peak of the loop, yarn by "
+            "yarn."
         )
         + page.table(
-            "The worst loop found; gap: by how much the stress has not come back after a round",
-            ("fabric", "coupling", "made, kJ/m3", "stored", "share", "warp test", "loop", "gap"),
+            "The worst loop found; warp test: the work of first loading to its end; gap: by how much the stress has "
+            "not come back after the last round",
+            ("fabric", "coupling", "made, kJ/m3", "stored", "ratio", "warp test", "loop", "gap, rounds"),
             rows,
         )
         + page.table(
@@ -172,12 +174,11 @@ def energy(r):
             bills,
         )
         + page.p(
-            f"A great deal: round its worst loop {most[1]} makes {most[0]:.3g} times what it stores at the peak, and "
-            "the loop closes in stress and state. The measured coupling has no potential; while one yarn is on its "
-            "stiff way back and the other is not, its two off-diagonal moduli differ by far more than Poisson's "
-            "ratios do.",
-            f"With the reciprocal coupling the worst found is {page.joined(least)}; there stress drifts from round to "
-            "round, and a share below zero is a loss." if least else None,
+            f"Round its worst loop {most[1]} makes {most[0]:.3g} times what it stores at the peak, and the loop closes "
+            "in stress and state. The measured coupling has no potential; while one yarn is on its stiff way back and "
+            "the other is not, its two off-diagonal moduli differ by far more than Poisson's ratios do.",
+            f"With the reciprocal coupling the worst ratio found is {page.joined(least)}; there stress creeps from "
+            "round to round, and a ratio below zero is a loss." if least else None,
             "In the scenes " + (
                 "it does not show" if fall <= 1.0 else "it shows"
             ) + f": what the law has dissipated falls back by at most {fall:.3f} % of the external work."

@@ -28,8 +28,9 @@ blockquote { margin: .8em 0; padding: .1em 1em; border-left: 3px solid #bbb; col
 .settings { font-size: .85em; color: #444; } .failed { border: 2px solid #b00; padding: .5em 1em; }
 nav a { text-decoration: none; } nav { font-size: .85em; column-width: 22em; }
 @page { size: A4; margin: 16mm 14mm; }
-@media print { body { font-size: 10pt; max-width: none; margin: 0; padding: 0; } h2 { break-after: avoid; }
-  h3, caption { break-after: avoid; } figure, tr, blockquote, .failed { break-inside: avoid; } a { color: inherit; }
+@media print { body { font-size: 10pt; max-width: none; margin: 0; padding: 0; }
+  h2, h3, caption, .settings { break-after: avoid; } figure, tr, blockquote, .failed { break-inside: avoid; }
+  a { color: inherit; }
   p { orphans: 3; widows: 3; } }
 """
 

@@ -6,6 +6,7 @@ from . import page
 from .sections import SAID, above, block, fitted
 
 ORDER = ("blend", "duck", "muslin", "denim")  # of the thesis's tables and figures
+ROUNDING = 0.25  # MPa: a quarter of the 1 MPa to which Table 7.3 is rounded, as half of its constant is G12
 SECTION = "7.1 Material parameters"
 
 
@@ -156,7 +157,7 @@ def table_7_5(r):
             f"{E['shear']:.3g}", f"{ours:.3g}", f"{wrong:.3g}", f"{meant:.3g}", f"{E['bias']:.3g}",
             f"{secant:.3g}" if secant else "-",
         ))  # fmt: skip
-        (near if abs(E["shear"] - printed["present"]) <= 0.25 else off).append(
+        (near if abs(E["shear"] - printed["present"]) <= ROUNDING else off).append(
             f"{name} ({E['shear']:.3g} against {printed['present']:g} MPa)"
         )
     return page.table(
@@ -169,7 +170,8 @@ def table_7_5(r):
         rows,
     ) + page.p(
         "The modulus that the law takes at zero strain is half of the constant of Table 7.3, which is rounded to 1 "
-        f"MPa, so that it can differ from Table 7.5 by 0.25 MPa. Within that it is right for {page.joined(near)}."
+        f"MPa, so that it can differ from Table 7.5 by {ROUNDING:g} MPa. Within that it is right for "
+        f"{page.joined(near)}."
         if near else None,
         f"It is not for {page.joined(off)}: the two tables of the thesis do not agree there." if off else None,
         "Kilby's equation turns the law's initial modulus in bias into the law's own shear modulus, since it is exact "

@@ -1,12 +1,16 @@
 """Section 7.3 of the report: sheets stretched both ways, and in motion."""
 
+import biaxial
+import moving
 import numpy as np
+import poke as poke_demo
 
 from fabric_fenicsx import fabrics
 
 from . import page
-from .sections import block, looks
+from .sections import SAID, block, looks
 
+SIDE_CM = 100 * biaxial.SIDE
 STRETCH = "7.3.1 Biaxial strain"
 DRAPE, POKE = "7.3.2 Draping fabric from four corners", "7.3.3 Poking fabric"
 
@@ -45,9 +49,9 @@ def stretch(r):
     ratios = [f"{row[6]} ({row[0]}, {row[1]})" for row in rows if row[2] == "continuous"]
     return (
         page.settings(
-            f"sheets of 25.4 cm x 25.4 cm, both sides made longer by {asked['displacement_mm'] / 10:g} cm, and back "
-            f"until no force is left; {asked['steps']} steps up. The displacement is read as the whole extension of a "
-            "side."
+            f"sheets of {SIDE_CM:g} cm x {SIDE_CM:g} cm, both sides made longer by {asked['displacement_mm'] / 10:g} "
+            f"cm, and back until no force is left; {asked['steps']} steps up. The displacement is read as the whole "
+            "extension of a side."
         )
         + page.drawn(figure, "1:1 biaxial strain.", *[{"blend": "7-29", "denim": "7-30"}[name] for name in found])
         + page.table(
@@ -62,6 +66,12 @@ def stretch(r):
             "asks for; the printed one is above it by the error of its increments."
         )
     )
+
+
+def sheet(asked, answer):
+    """The sheet of a scene in motion and the steps of its time, in words."""
+    side, cells, step = moving.SIDE, asked["cells"], 1e3 * answer["history"]["time_s"][0]
+    return f"{side:g} m x {side:g} m, {cells} x {cells} mitc4 shell elements, implicit, nominal step {step:g} ms"
 
 
 def energies(answer):
@@ -101,8 +111,8 @@ def drape(r):
     speed = np.abs(np.diff(z[last - 1 :]) / np.diff(t[last - 1 :])).max()
     return (
         page.settings(
-            f"2 m x 2 m, {asked['cells']} x {asked['cells']} mitc4 shell elements, pinned at its corner points, "
-            "gravity, implicit, nominal step 5 ms, rho 0.8. The thesis: explicit, 10 us, blend, shear hysteresis off."
+            f"{sheet(asked, blend)}, pinned at its corner points, gravity. The thesis: blend, explicit, steps of "
+            f"{SAID['dynamics']['step_us']} us, shear hysteresis off."
         )
         + page.pictures(blend["pictures"], "Blend with the whole law, larger yarn strain.", "7-31")
         + page.drawn(figure, "Height of the centre. Grey: the law as printed, to where it stops.")
@@ -112,10 +122,10 @@ def drape(r):
             rows,
         )
         + page.p(
-            f"The thesis's sheet comes to equilibrium within 0.5 s. Here blend is lowest, {z[lowest]:.3f} m, at "
-            f"{t[lowest]:.3f} s, and at {t[-1]:g} s its centre is at {z[-1]:.3f} m and moved by up to {speed:.2f} m/s "
-            "in the last steps: it is near its place, with some motion left, as nothing but its own hysteresis damps "
-            "it.",
+            f"The thesis's sheet comes to equilibrium within {SAID['dynamics']['rest_s']:g} s. Here blend is lowest, "
+            f"{z[lowest]:.3f} m, at {t[lowest]:.3f} s, and at {t[-1]:g} s its centre is at {z[-1]:.3f} m and moved by "
+            f"up to {speed:.2f} m/s in the last steps: it is near its place, with some motion left, as nothing but its "
+            "own hysteresis damps it.",
             "A sheet pinned at points has no answer that refinement would converge to; heights compare at this mesh "
             "only.",
             *(f"{name}: {answer['stopped'].split(';')[0]}." for name, answer in found.items() if answer["stopped"]),
@@ -163,10 +173,10 @@ def poke(r):
     ]
     return (
         page.settings(
-            f"2 m x 2 m of blend, {asked['cells']} x {asked['cells']} mitc4 shell elements, rim clamped, the middle 4 "
-            "x 4 elements out by 0.40 m and back in 0.5 s along 1 - cos; implicit, nominal step 5 ms. The thesis does "
-            "not tell how the middle moved; it took explicit steps of 10 us and no shear hysteresis. A run is given "
-            f"up after {asked['most']} Newton iterations."
+            f"{sheet(asked, law)}, rim clamped, the middle 4 x 4 elements out by {poke_demo.HEIGHT:g} m and back in "
+            f"{poke_demo.TIME:g} s along 1 - cos. The thesis does not tell how the middle moved; it took explicit "
+            f"steps of {SAID['dynamics']['step_us']} us and no shear hysteresis. A run is given up after "
+            f"{asked['most']} Newton iterations."
         )
         + page.drawn(
             _grid(), "Numbers of the elements, down the columns; blue: moved; red: elements 207 and 271.", "7-32"
