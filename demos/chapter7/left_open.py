@@ -93,8 +93,8 @@ def hysteresis(r):
         f"With shear hysteresis on and measured ratios the drape runs to {end:g} s for {page.joined(done)}, and at "
         f"most {worst_:.2f} % of the external work is not accounted for." if done else None,
         f"Without it blend's centre ends at {off['history']['center_z_m'][-1]:.3f} m in place of "
-        f"{found['blend']['history']['center_z_m'][-1]:.3f} m, and the imbalance is {off['imbalance_percent']:.2f} %: "
-        "shear hysteresis is part of what brings the sheet to rest." if off and "blend" in found else None,
+        f"{found['blend']['history']['center_z_m'][-1]:.3f} m, and the imbalance is {off['imbalance_percent']:.2f} %."
+        if off and "blend" in found else None,
         f"In the poke, {page.joined(through) or 'none'} goes out and back." if pokes else None,
         f"It stops for {page.joined(halted)}." if halted else None,
     )  # fmt: skip

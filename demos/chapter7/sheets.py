@@ -108,6 +108,7 @@ def drape(r):
     page.legend(figure, 3)
     t, z = (np.array(blend["history"][key]) for key in ("time_s", "center_z_m"))
     lowest, last = int(z.argmin()), max(len(z) - 5, 1)
+    left = 100 * blend["history"]["kinetic_J"][-1] / blend["external_work_most_J"]
     speed = np.abs(np.diff(z[last - 1 :]) / np.diff(t[last - 1 :])).max()
     return (
         page.settings(
@@ -123,9 +124,9 @@ def drape(r):
         )
         + page.p(
             f"The thesis's sheet comes to equilibrium within {SAID['dynamics']['rest_s']:g} s. Here blend is lowest, "
-            f"{z[lowest]:.3f} m, at {t[lowest]:.3f} s, and at {t[-1]:g} s its centre is at {z[-1]:.3f} m and moved by "
-            f"up to {speed:.2f} m/s in the last steps: it is near its place, with some motion left, as nothing but its "
-            "own hysteresis damps it.",
+            f"{z[lowest]:.3f} m, at {t[lowest]:.3f} s, springs back to {z[lowest:].max():.3f} m, and at {t[-1]:g} s "
+            f"its centre is at {z[-1]:.3f} m and moved by up to {speed:.2f} m/s in the last steps; {left:.1f} % of the "
+            "work of its weight is kinetic then. Nothing but its own hysteresis damps it here.",
             "A sheet pinned at points has no answer that refinement would converge to; heights compare at this mesh "
             "only.",
             *(f"{name}: {answer['stopped'].split(';')[0]}." for name, answer in found.items() if answer["stopped"]),
