@@ -5,11 +5,13 @@ import json
 import re
 import shutil
 import tomllib
+from pathlib import Path
 
 import numpy as np
 import pytest
 import test_demos
 
+import fabric_fenicsx
 from fabric_fenicsx import fabrics
 from fabric_fenicsx.laws.woven import Woven
 
@@ -127,12 +129,25 @@ def test_a_case_changes_with_the_code_that_it_uses(cases, tmp_path):
         ("closed_loops.py", [False, False, True]),
         ("thesis.py", [False, False, False]),
         ("../meshes/strip.geo", [True, True, True]),
+        ("my_law.py", [False, False, False]),
     ):
         path = folder / file
         text = path.read_text()
         path.write_text(text + "\n")
         assert list(codes() != before) == changed, file
         path.write_text(text)
+    package = Path(fabric_fenicsx.__file__).parent
+    seen = {room: set() for room in rooms}
+    for room in rooms:
+        wanted = [DEMOS / "chapter7" / f"{room}.py"]
+        while wanted:
+            file = wanted.pop()
+            if file.exists() and file not in seen[room]:
+                seen[room].add(file)
+                wanted += cases._imported(file, (DEMOS, package.parent))
+    assert {package / "laws" / "kernels.py", package / "fabrics" / "reading.py"} <= set.intersection(*seen.values())
+    assert package / "checkpoint.py" in seen["motion"] - seen["statics"] and package / "hook.py" not in seen["points"]
+    assert package / "doctor.py" not in set.union(*seen.values())
     case = cases.Case("a", "points.loops", {"trials": 1})
     assert case.key == cases.Case("b", "points.loops", {"trials": 1}).key != cases.Case("a", "points.loops", {}).key
 

@@ -113,25 +113,43 @@ def listed(quick=False):
 
 @cache
 def code(room, demos=DEMOS):
-    """Hash of the package, of the meshes, and of the demos that a room of this folder imports, one by another."""
+    """Hash of what a room of this folder imports, one file by another: demos and package; and of fabrics and meshes."""
     package = Path(fabric_fenicsx.__file__).parent
-    files = sorted([*package.rglob("*.py"), *package.rglob("*.toml"), *(demos.parent / "meshes").glob("*.geo")])
-    here = demos / Path(__file__).parent.name
-    wanted, found = [here / f"{room}.py"], set()
+    wanted, found = [demos / Path(__file__).parent.name / f"{room}.py"], set()
     while wanted:
         file = wanted.pop()
-        if file in found or not file.exists():
-            continue
-        found.add(file)
-        for node in ast.walk(ast.parse(file.read_text())):
-            names = [alias.name for alias in node.names] if isinstance(node, ast.Import) else []
-            if isinstance(node, ast.ImportFrom):
-                names = [node.module] if node.module else [alias.name for alias in node.names]
-            wanted += [folder / f"{name}.py" for name in names for folder in (demos, here)]
+        if file not in found and file.exists():
+            found.add(file)
+            wanted += _imported(file, (demos, package.parent))
+    data = [*(package / "fabrics").glob("*.toml"), *(demos.parent / "meshes").glob("*.geo")]
     told = hashlib.sha256()
-    for file in [*files, *sorted(found)]:
+    for file in [*sorted(found, key=lambda file: (file.name, file.parent.name)), *sorted(data)]:
         told.update(file.name.encode() + file.read_bytes())
     return told.hexdigest()
+
+
+def _imported(file, roots):
+    """Where the modules would be that a file imports, wherever in it."""
+    for level, names in _imports(file.read_text()):
+        for name in names:
+            parts = name.split(".")
+            for folder in (file.parents[level - 1],) if level else roots:
+                # a package is entered through each of its own
+                yield from (folder.joinpath(*parts[:k], "__init__.py") for k in range(1, len(parts) + 1))
+                yield folder.joinpath(*parts).with_suffix(".py")
+
+
+@cache
+def _imports(text):
+    """Level and names of every import in a text."""
+    found = []
+    for node in ast.walk(ast.parse(text)):
+        if isinstance(node, ast.Import):
+            found.append((0, [alias.name for alias in node.names]))
+        elif isinstance(node, ast.ImportFrom):
+            base = [node.module] if node.module else []
+            found.append((node.level, base + [".".join([*base, alias.name]) for alias in node.names]))
+    return found
 
 
 def run(cases, folder, jobs=2):

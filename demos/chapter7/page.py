@@ -6,9 +6,11 @@ import io
 
 import numpy as np
 
-COLORS = {"blend": "#1f77b4", "denim": "#2f2f8f", "duck": "#d9881a", "muslin": "#2a9d5c"}
+from fabric_fenicsx import pictures
+
+COLORS = {name: style["color"] for name, style in pictures.FABRICS.items()}
 YARNS = {"warp": "-", "weft": "--", "bias": ":"}
-FITTED = {"color": "black", "lw": 1.0, "ls": (0, (4, 3)), "zorder": 0}
+FITTED = {"color": "#b0006d", "lw": 1.0, "ls": (0, (4, 3)), "zorder": 0}
 """How a fitted curve is drawn everywhere."""
 
 STYLE = """
@@ -108,7 +110,7 @@ def drawn(figure, caption, *numbers):
     return _figure(f'<img alt="{text(caption)}" src="{source}">', caption, numbers)
 
 
-def pictures(shots, caption, *numbers):
+def snapshots(shots, caption, *numbers):
     """Rows of pictures, two or three in each, name -> png as text; one that could not be drawn is named."""
     missing = [name for name, data in shots.items() if data is None]
     images = "".join(

@@ -145,11 +145,11 @@ def row(test, fabric, way):
         page.percent(worst(test, fabric, way)),
         f"{iterations.mean():.1f}",
         f"{sum(test['history']['step_cuts']):.0f}",
-        ending(test),
+        ending(test).removeprefix("force gone at "),
     )
 
 
-ROW = ("S, MPa", "to the fit", "largest on the way up", "Newton", "cuts", "end")
+ROW = ("S, MPa", "to the fit", "largest on the way up", "Newton", "cuts", "force gone at")
 
 
 def trace(axes, test, label, **style):

@@ -46,7 +46,7 @@ def bias(r):
     return (
         page.settings("the cycles of 7.2.1, pulled at 45 degrees to the warp, ends free to contract.")
         + page.drawn(figure, "Bias tests.", *[IN_BIAS[name] for name in found])
-        + (page.pictures(snapshots, "Blend in bias, axial strain.", "7-19") if snapshots else "")
+        + (page.snapshots(snapshots, "Blend in bias, axial strain.", "7-19") if snapshots else "")
         + page.table(
             "Above what? The thesis's model above its experiment, this code above the curve of Table 7.3, at the same "
             "strain (or at the full displacement, where that is less)",
@@ -101,7 +101,7 @@ def off_axis(r):
             f"ends free to contract, {asked['steps']} steps up. The thesis does not tell ends and displacement."
         ).replace("20 mm", f"{printed[0]['displacement_mm']:g} mm")
         + page.drawn(figure, "Off-axis tests.", *[{"blend": "7-24", "denim": "7-25"}[name] for name in found])
-        + (page.pictures(named(shots), "Blend, warp at 30 degrees, axial strain.", "7-26") if shots else "")
+        + (page.snapshots(named(shots), "Blend, warp at 30 degrees, axial strain.", "7-26") if shots else "")
         + page.table("Off-axis tests", ("fabric", "warp at", "law, mesh", ROW[0], *ROW[3:]), rows)
         + page.p(
             "There is no fitted curve for these angles, and the thesis gives no percentages: it calls its results "

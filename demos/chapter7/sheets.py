@@ -107,7 +107,7 @@ def drape(r):
     page.name_axes(one, "", "time, s", "height of the centre, m")
     page.legend(figure, 3)
     t, z = (np.array(blend["history"][key]) for key in ("time_s", "center_z_m"))
-    lowest, last = int(z.argmin()), max(len(z) - 5, 1)
+    low, last = int([*np.flatnonzero(np.diff(z) > 0), len(z) - 1][0]), max(len(z) - 5, 1)
     left = 100 * blend["history"]["kinetic_J"][-1] / blend["external_work_most_J"]
     speed = np.abs(np.diff(z[last - 1 :]) / np.diff(t[last - 1 :])).max()
     return (
@@ -115,7 +115,7 @@ def drape(r):
             f"{sheet(asked, blend)}, pinned at its corner points, gravity. The thesis: blend, explicit, steps of "
             f"{SAID['dynamics']['step_us']} us, shear hysteresis off."
         )
-        + page.pictures(blend["pictures"], "Blend with the whole law, larger yarn strain.", "7-31")
+        + page.snapshots(blend["pictures"], "Blend with the whole law, larger yarn strain.", "7-31")
         + page.drawn(figure, "Height of the centre. Grey: the law as printed, to where it stops.")
         + page.table(
             "The drape; imbalance: of the largest external work; Newton iterations a step taken",
@@ -123,10 +123,10 @@ def drape(r):
             rows,
         )
         + page.p(
-            f"The thesis's sheet comes to equilibrium within {SAID['dynamics']['rest_s']:g} s. Here blend is lowest, "
-            f"{z[lowest]:.3f} m, at {t[lowest]:.3f} s, springs back to {z[lowest:].max():.3f} m, and at {t[-1]:g} s "
-            f"its centre is at {z[-1]:.3f} m and moved by up to {speed:.2f} m/s in the last steps; {left:.1f} % of the "
-            "work of its weight is kinetic then. Nothing but its own hysteresis damps it here.",
+            f"The thesis's sheet comes to equilibrium within {SAID['dynamics']['rest_s']:g} s. Here blend falls to "
+            f"{z[low]:.3f} m at {t[low]:.3f} s, springs back to {z[low:].max():.3f} m, and at {t[-1]:g} s its centre "
+            f"is at {z[-1]:.3f} m and moved by up to {speed:.2f} m/s in the last steps; {left:.1f} % of the work of "
+            "its weight is kinetic then. Nothing but its own hysteresis damps it here.",
             "A sheet pinned at points has no answer that refinement would converge to; heights compare at this mesh "
             "only.",
             *(f"{name}: {answer['stopped'].split(';')[0]}." for name, answer in found.items() if answer["stopped"]),
@@ -182,8 +182,8 @@ def poke(r):
         + page.drawn(
             _grid(), "Numbers of the elements, down the columns; blue: moved; red: elements 207 and 271.", "7-32"
         )
-        + page.pictures(svk["pictures"], "St. Venant-Kirchhoff: the sheet comes back.", "7-33")
-        + page.pictures(
+        + page.snapshots(svk["pictures"], "St. Venant-Kirchhoff: the sheet comes back.", "7-33")
+        + page.snapshots(
             law["pictures"], "Fabric law, shear hysteresis on: the sheet stays stretched and wrinkles.", "7-34"
         )
         + page.drawn(figure, "Stress and strain along the yarn.", "7-35", "7-36")

@@ -173,7 +173,7 @@ def buckled(r):
             f"blend along the warp, {cells} bilinear shell cells, three layers, with a half wave of "
             f"{asked['height_mm']:g} mm height from the start, back to zero displacement."
         )
-        + page.pictures(answer["pictures"], "The strip after its first step, at its end, and pushed back.", "7-9")
+        + page.snapshots(answer["pictures"], "The strip after its first step, at its end, and pushed back.", "7-9")
         + page.p(
             f"The force is gone at {slack[0]:.1f} mm of {d.max():.1f} mm" if slack.size else "The force is never gone",
             f"and the strip then bends out of its plane, by {height[-1]:.1f} mm where its ends are back. The largest "
