@@ -7,6 +7,9 @@ help:
 demo: setup ## the tensile tests of all four fabrics; table, CSV and pictures under out/tensile
 	$(python) demos/tensile.py --fabric all --angle all --out out/tensile
 
+thesis: setup ## chapter 7 of the thesis beside this code, in out/thesis/thesis.html; what has run before is kept
+	$(python) demos/thesis.py
+
 test: lint ## lint, then all tests, then the parallel ones again on 2 ranks
 	$(python) -m pytest -n auto --maxprocesses 4 --dist worksteal
 	.venv/bin/mpirun -n 2 $(python) -m pytest -m parallel
@@ -31,4 +34,4 @@ clean: ## remove .venv and the caches in this folder; results under out/ stay
 	rm -rf .venv .cache build *.egg-info .hypothesis .mypy_cache .pytest_cache .ruff_cache
 	find . -name __pycache__ -prune -exec rm -rf {} +
 
-.PHONY: help demo test lint docs studies setup clean
+.PHONY: help demo thesis test lint docs studies setup clean

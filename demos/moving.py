@@ -3,6 +3,7 @@
 from mpi4py import MPI  # isort: skip  (first, as in every DOLFINx script: it loads the MPI library)
 
 import argparse
+import contextlib
 import resource
 import time
 from dataclasses import dataclass
@@ -126,8 +127,12 @@ class Scene:
     settings: str
 
 
-def play(scene, args, out, progress):
-    """Run to the end: the table. What fails, or is interrupted, leaves a checkpoint in the folder."""
+def play(scene, args, out, progress, watch=None):
+    """Run to the end: the table. What fails, or is interrupted, leaves a checkpoint in the folder.
+
+    `watch(row, u, value)` is called at the start and after every step, with the row of the table (at the start its time
+    alone), the displacement and the value to colour by.
+    """
     sheet, run = scene.sheet, scene.run
     comm = run.comm
     u = sheet.q.sub(0).collapse() if sheet.shell else sheet.q
@@ -142,8 +147,13 @@ def play(scene, args, out, progress):
         return u, scene.cell_value()
 
     state, taken = out / "checkpoint.npz", run.ts.getStepNumber()
-    fields = results.Fields(out / "fields.bp", u, ("value",))
-    with results.Table(out / "history.csv", comm) as table, checkpoint.guard(state, run, scene.settings):
+    with (
+        contextlib.closing(results.Fields(out / "fields.bp", u, ("value",))) as fields,
+        results.Table(out / "history.csv", comm) as table,
+        checkpoint.guard(state, run, scene.settings),
+    ):
+        if watch:
+            watch({"time_s": run.time}, *shown())
         clock = time.process_time()
         for step in run.march(args.end, args.step * 1e-3, progress=progress and scene.name, note=note(scene.ledger)):
             cpu = time.process_time() - clock
@@ -162,10 +172,11 @@ def play(scene, args, out, progress):
             taken = run.ts.getStepNumber()
             u, value = shown()
             fields.write(step.load, value=value)
+            if watch:
+                watch(table.rows[-1], u, value)
             if args.animation:
                 film.append((step.load, u.x.array.copy(), value.copy()))
             clock = time.process_time()
-    fields.close()
     checkpoint.save(state, run, scene.settings)
     if comm.rank == 0:
         plot(out / "energy.png", table, scene)

@@ -44,6 +44,7 @@ class Case:
     kinematics: str = "plane"
     imperfection: float = 0.0
     whole: bool = False
+    triangles: bool = False
 
     @property
     def displacement(self):
@@ -74,6 +75,7 @@ class Case:
 def strip(case, comm=MPI.COMM_WORLD):
     """The strip in its grips: unknown, solver, hook, a function that pulls the end, and the ends' unknowns."""
     size = dict(zip(("nx", "ny"), case.cells, strict=True), length=case.fabric.gauge_length, width=case.fabric.width)
+    size["triangles"] = int(case.triangles)
     gdim = 2 if case.kinematics == "plane" else 3
     domain = meshing.read(case.mesh, comm, gdim=gdim, **(size if case.mesh == STRIP else {}))
     law, angle = LAWS[case.law](case.fabric, case.poisson), np.radians(case.angle)
@@ -246,6 +248,7 @@ def arguments():
         default=STRIP,
         help="another mesh of the strip: .geo, .msh; edges fixed_end, pulled_end, point pin",
     )
+    parser.add_argument("--triangles", action="store_true", help="cells cut in two; a shell then has element regge")
     parser.add_argument("--degree", type=int, choices=[1, 2], default=1, help="degree of the displacement")
     parser.add_argument("--steps", type=command.positive, default=20, help="steps up, and as many down")
     parser.add_argument(
@@ -278,7 +281,7 @@ def main():
             ends = args.ends or ("clamped" if angle in (0.0, 90.0) else "free")
             case = Case(
                 fabric, angle, args.law, args.poisson, args.cells, args.degree, args.steps, ends, args.reload,
-                args.mesh, args.kinematics, args.imperfection * 1e-3, args.whole,
+                args.mesh, args.kinematics, args.imperfection * 1e-3, args.whole, args.triangles,
             )  # fmt: skip
             folder = results.folder(out / f"{Path(name).stem}_{angle:g}")
             table, peak, stopped = run(case, folder, comm, progress=f"{fabric.name} {angle:g}")

@@ -1,0 +1,101 @@
+"""How much energy a law can make: the work that it gives back round closed loops of the strains E11 and E22.
+
+The measured coupling has no potential, so that round a loop a fabric can do work. A loop counts when it has been gone
+round before. What it makes is the work that it gives back and what it has stored more than a round before; with the
+measured coupling stress and state come back to what they were, and the second part is nothing. With the reciprocal one
+they creep from round to round, and it takes more rounds until what a loop makes by that is used up.
+"""
+
+import numpy as np
+
+
+def path(loops, t):
+    """Strains (n, 2) of loops (n, 6) at a part t of the way round.
+
+    A loop: centre (2), half widths (2), phase of E22 against E11 as a part of a turn, and 1 for a rectangle (gone
+    round the one way or the other by its phase) or 0 for an ellipse.
+    """
+    centre, half, phase = loops[:, :2], loops[:, 2:4], loops[:, 4]
+    round_ = np.column_stack([np.cos(2 * np.pi * t) + 0 * phase, np.cos(2 * np.pi * (t + phase))])
+    x, y = (np.interp(4 * t, range(5), corners) for corners in ([-1, 1, 1, -1, -1], [-1, -1, 1, 1, -1]))
+    cornered = np.where(phase[:, None] < 0.5, (x, y), (y, x))
+    return centre + half * np.where(loops[:, 5:] > 0.5, cornered, round_)
+
+
+def created(law, loops, parts, rounds):
+    """What the last of some rounds makes, and the most that is stored on the way, both J/m3; and the gap; all (n,).
+
+    gap: how far the stress is from that of the round before, over its largest size.
+    """
+    n = len(loops)
+    state, stress, last = np.tile(law.initial_state, (n, 1)), np.zeros((n, 3)), np.zeros((n, 3))
+    work, peak, size = np.zeros(n), np.zeros(n), np.full(n, 1e-300)
+    for k in range(rounds * parts + 1):
+        strain = np.column_stack([path(loops, (k % parts) / parts), np.zeros(n)])
+        new, _, state = law.respond(strain, state)
+        if k >= (rounds - 1) * parts:
+            stored = law.recoverable(strain, state)
+            if k == (rounds - 1) * parts:
+                first, stored_first = new, stored
+            else:
+                work += 0.5 * ((new + stress) * (strain - last)).sum(axis=1)
+            peak, size = np.maximum(peak, stored), np.maximum(size, np.abs(new).max(axis=1))
+        stress, last = new, strain
+    return stored - stored_first - work, peak, np.abs(stress - first).max(axis=1) / size
+
+
+def inside(loops, low, high):
+    """The loops, moved and shrunk into the box of strains from low to high, each (2,)."""
+    loops, size = loops.copy(), high - low
+    centre = np.clip(loops[:, :2], low + 0.02 * size, high - 0.02 * size)
+    loops[:, :2] = centre
+    loops[:, 2:4] = np.clip(loops[:, 2:4], 0.005 * size, np.minimum(centre - low, high - centre))
+    loops[:, 4] %= 1.0
+    return loops
+
+
+def worst(law, trials=2000, generations=25, parts=400, seed=0):
+    """The loop that makes most energy as a part of what is stored at its peak: random loops, the best bred further.
+
+    Strains lie between the contraction of the uniaxial tests and their ends. The best twenty are gone round again in
+    five times as many parts, since a law of first order makes or loses some energy by its increments alone.
+    """
+    rounds = 10 if law.reciprocal else 3
+    rng = np.random.default_rng(seed)
+    fabric = law.fabric
+    (nu12, nu21), high = fabric.poisson["measured"], np.array([fabric.warp.limit, fabric.weft.limit])
+    low = -np.array([nu21 * high[1], nu12 * high[0]])
+    size = high - low
+
+    def score(loops, parts):
+        made, stored, _ = created(law, loops, parts, rounds)
+        return made / np.maximum(stored, 1.0)
+
+    loops = np.column_stack([
+        rng.uniform(low, high, (trials, 2)), rng.uniform(0, 0.5, (trials, 2)) * size, rng.uniform(0, 1, trials),
+        rng.integers(0, 2, trials),
+    ])  # fmt: skip
+    loops, width = inside(loops, low, high), 0.2
+    share = score(loops, parts)
+    for _ in range(generations):
+        best = np.argsort(-share)[:20]
+        young = np.repeat(loops[best], 10, axis=0)
+        young[:, :5] += width * rng.normal(size=(len(young), 5)) * [*size, *size, 0.5]
+        young = inside(young, low, high)
+        loops, share = np.vstack([loops[best], young]), np.concatenate([share[best], score(young, parts)])
+        width *= 0.85
+    finalists = loops[np.argsort(-share)[:20]]
+    made, stored, gap = created(law, finalists, 5 * parts, rounds)
+    best = int(np.argmax(made / np.maximum(stored, 1.0)))
+    centre, half = finalists[best, :2], finalists[best, 2:4]
+    return {
+        "share": float(made[best] / stored[best]),
+        "created_kJ_per_m3": float(made[best] / 1e3),
+        "stored_kJ_per_m3": float(stored[best] / 1e3),
+        "gap": float(gap[best]),
+        "rounds": rounds,
+        "rectangle": bool(finalists[best, 5] > 0.5),
+        "E11": [float(centre[0] - half[0]), float(centre[0] + half[0])],
+        "E22": [float(centre[1] - half[1]), float(centre[1] + half[1])],
+        "loop": finalists[best].tolist(),
+    }
