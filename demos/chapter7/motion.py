@@ -63,7 +63,7 @@ def _play(demo, words, times, most):
         "law_gives_back_percent": float(100 * fall.max() / most),
         "dissipated_least_percent": float(100 * min(given.min(), 0.0) / most),
         "iterations_a_step": sum(history["newton_iterations"]) / max(sum(history["steps_taken"]), 1),
-        "smallest_part": 0.5 ** max(history["step_cuts"], default=0),
+        "smallest_part": scene.run.finest,
         "pictures": pictures,
     }
 
