@@ -47,3 +47,29 @@ def test_stability(study):
     status, said, rows = study("stability", "--quick", "--only", "poisson", "slack")
     assert status == 0 and "every trial ends as it must: yes" in said
     assert [row["verdict"] for row in rows] == ["works", "refused", *["works"] * 4]
+
+
+def test_error_vs_runtime(study):
+    cases = ("point", "strip", "end_shear_0.0001", "drape")
+    status, said, rows = study("error_vs_runtime", "--quick", "--case", *cases)
+    assert status == 0 and "one within 10 % in every case: yes" in said
+    error = {(row["case"], row["setting"]): float(row["error"]) for row in rows}
+    assert all(float(row["cpu_s"]) > 0 and float(row["wall_s"]) > 0 for row in rows)
+    # the printed law takes its modulus at the end of an increment, and is of first order
+    printed = [error["point", f"printed, {n} steps"] for n in (5, 20)]
+    assert 2 < printed[0] / printed[1] < 6 and error["point", "continuous, 20 steps"] < 1e-3 * printed[1]
+    shear = [error["end_shear_0.0001", f"regge, {n} cells, 5 steps"] for n in (4, 16)]
+    assert shear[1] < shear[0] / 4 < 0.01
+    assert "drape" in {row["case"] for row in rows if row["pareto"] == "True"}
+
+
+def test_front_and_cheapest_setting(monkeypatch):
+    monkeypatch.syspath_prepend(DEMOS)
+    import error_vs_runtime as study
+
+    cost, error = np.array([1.0, 2.0, 3.0, 4.0, 0.1, 2.0]), np.array([0.05, 0.5, 0.002, 0.002, np.inf, 0.009])
+    assert study.front(cost, error).tolist() == [True, False, True, False, False, True]
+    rows = [{"cpu_s": c, "error": e} for c, e in zip(cost, error, strict=True)]
+    assert [row and row["cpu_s"] for row in study.cheapest(rows, 1e-4).values()] == [1.0, 2.0, None]
+    assert study.cheapest(rows, 0.05) == {0.1: rows[0], 0.01: None, 0.001: None}
+    assert study.apart(None, np.ones(2)) == np.inf and study.apart(np.array([1.0, 3.0]), np.array([1.0, 4.0])) == 0.25

@@ -1,0 +1,222 @@
+"""The problems of `error_vs_runtime.py`: each is asked for a few numbers, with many settings.
+
+A case builds a scene from settings, a dict, and goes through it; both parts are timed apart. `reference` is finer than
+`base` in cells and steps, `coarser` is one step back from it: their difference tells the reference's error.
+"""
+
+import argparse
+from dataclasses import dataclass
+from pathlib import Path
+
+import drape
+import moving
+import numpy as np
+import poke
+import shell_cases
+import shell_model
+from mpi4py import MPI
+
+from fabric_fenicsx import continuation, fabrics, meshing, specimen, statics
+from fabric_fenicsx.laws import driver
+from fabric_fenicsx.laws.printed import Printed
+from fabric_fenicsx.laws.woven import Woven
+
+STRIP = Path(__file__).parent.parent / "meshes" / "strip.geo"
+BLEND = fabrics.load("blend")
+LAWS = {"continuous": Woven, "printed": Printed}
+
+
+@dataclass(frozen=True)
+class Case:
+    """A problem: what is asked for, its settings, the reference's and those one step coarser."""
+
+    name: str
+    title: str
+    asked: str
+    base: dict
+    settings: list
+    reference: dict
+    coarser: dict
+
+
+def label(setting):
+    """Settings in words."""
+    before = {name: f"{name} " for name in ("degree", "rtol")}
+    after = {name: f" {name}" for name in ("cells", "steps", "ms", "layers", "ranks")}
+    shown = {name: value for name, value in setting.items() if (name, value) != ("ranks", 1)}
+    return ", ".join(f"{before.get(name, '')}{value}{after.get(name, '')}" for name, value in shown.items())
+
+
+def vary(base, *changes):
+    """Settings that each change something of the base, without doubles."""
+    found = []
+    for change in ({}, *changes):
+        if base | change not in found:
+            found.append(base | change)
+    return found
+
+
+def each(name, values):
+    """One change a value."""
+    return [{name: value} for value in values]
+
+
+# -- (a) a point: pulled at 30 degrees to the warp, and half unloaded --------------------------------------------------
+
+
+def point(quick):
+    base = {"law": "continuous", "steps": 40}
+    counts = (5, 20) if quick else (2, 5, 10, 20, 40, 80, 160, 320)
+    settings = vary(base, *({"law": law, "steps": n} for law in LAWS for n in counts))
+    finest = 640 if quick else 2560
+    return Case("point", "Material point, uniaxial at 30° to the warp, half unloaded", "stress at both ends", base,
+                settings, base | {"steps": finest}, base | {"steps": finest // 2})  # fmt: skip
+
+
+def build_point(s, comm):
+    return LAWS[s["law"]](BLEND)
+
+
+def go_point(s, law):
+    n, top = s["steps"], 0.12
+    path = np.concatenate([np.linspace(0, top, n + 1)[1:], np.linspace(top, 0.9 * top, n + 1)[1:]])
+    result = driver.uniaxial(law, path, angle=np.radians(30.0))
+    return np.array([result.stress[n - 1, 0], result.stress[-1, 0]])
+
+
+# -- (b) the tensile strip in bias between clamps, pulled and half unloaded --------------------------------------------
+
+
+def strip(quick):
+    base = {"law": "continuous", "cells": 3, "degree": 1, "steps": 10, "rtol": 1e-6}
+    sizes = (1, 3) if quick else (1, 2, 3, 6, 12, 24)
+    changes = [{"cells": n, "degree": d} for n in sizes for d in (1, 2) if n * d <= 24]
+    if not quick:
+        changes += each("steps", (1, 2, 5, 20, 40))
+        changes += each("rtol", (1e-1, 1e-2, 1e-4, 1e-8))
+        changes += [{"law": "printed", "steps": n} for n in (5, 10, 20, 40, 80)]
+        changes += [{"cells": 1, "steps": 2}, {"cells": 6, "steps": 5, "rtol": 1e-2}, {"cells": 12, "steps": 5}]
+        changes += [{"degree": 2, "steps": n, "rtol": 1e-2} for n in (2, 5)]
+    fine = (6, 3) if quick else (24, 12)
+    return Case("strip", "Tensile strip in bias between clamps, half unloaded", "force at both ends of the way", base,
+                vary(base, *changes), base | {"cells": fine[0], "degree": 2, "steps": 40, "rtol": 1e-8},
+                base | {"cells": fine[1], "degree": 2, "steps": 20, "rtol": 1e-8})  # fmt: skip
+
+
+def build_strip(s, comm):
+    n = s["cells"]
+    domain = meshing.read(STRIP, comm, gdim=2, nx=3 * n, ny=n, length=BLEND.gauge_length, width=BLEND.width)
+    law = LAWS[s["law"]](BLEND)
+    scene = specimen.strip(domain, BLEND, law, np.radians(45.0), "clamped", s["degree"])
+    scene.solver.rtol = s["rtol"]
+    return scene
+
+
+def go_strip(s, scene):
+    n, top = s["steps"], 8e-3
+    path = np.concatenate([np.linspace(0, top, n + 1)[1:], np.linspace(top, 0.95 * top, n + 1)[1:]])
+    forces = [scene.solver.reaction(scene.ends[1]) for _ in statics.march(scene.solver, scene.pull, path)]
+    return np.array([forces[n - 1], forces[-1]])
+
+
+# -- (c) end shear -----------------------------------------------------------------------------------------------------
+
+
+def shear(slender):
+    def case(quick):
+        base = {"element": "regge", "cells": 16, "steps": 5}
+        sizes = (4, 8) if quick else (2, 4, 8, 16, 32)
+        elements = ("regge", "mitc4") if quick else ("regge", "mitc4", "p2cr1", "q1")
+        changes = [{"element": e, "cells": n} for e in elements for n in sizes]
+        if not quick:
+            changes += each("steps", (1, 2, 10, 20)) + [{"cells": 4, "steps": 1}, {"cells": 8, "steps": 1}]
+            changes += [{"element": "mitc4", "cells": n, "steps": 1} for n in (4, 8, 16)]
+        fine = 32 if quick else 128
+        return Case(f"end_shear_{slender:g}", f"End shear, h/L = {slender:g}", "both displacements of the tip", base,
+                    vary(base, *changes), base | {"cells": fine}, base | {"cells": fine // 2})  # fmt: skip
+
+    return case
+
+
+def build_shear(slender):
+    def build(s, comm):
+        case = shell_cases.end_shear(shell_model.Settings(s["element"], s["cells"], 10 * slender), comm)
+        return case, case.shell.solver()
+
+    return build
+
+
+def go_shear(s, scene):
+    case, solver = scene
+
+    def set_load(value):
+        case.shell.load.value = value
+
+    loads = np.linspace(0, 1, s["steps"] + 1)[1:]
+    for _ in continuation.march(solver, set_load, loads):
+        pass
+    return np.array([case.shell.mean("pulled_end", axis) for axis in "xz"])
+
+
+# -- (d), (e) sheets in motion ----------------------------------------------------------------------------------------
+
+
+def motion(name, title, end):
+    def case(quick):
+        base = {"element": "mitc4", "cells": 20, "ms": 5.0, "layers": 3, "rtol": 1e-4, "method": "implicit", "ranks": 1}
+        asked = "work done on the fabric, at thirds of the time"
+        if quick:
+            base |= {"cells": 10, "ms": 10.0}
+            fine = base | {"ms": 2.5}
+            return Case(name, title, asked, base, vary(base, {"ms": 5.0}), fine, base | {"ms": 5.0})
+        changes = each("cells", (10,)) + each("ms", (2.5, 10.0)) + each("rtol", (1e-2,)) + each("layers", (2, 5))
+        changes += each("element", ("regge", "q1")) + each("ranks", (2,)) + each("method", ("explicit",))
+        changes += [{"cells": 10, "ms": ms} for ms in (2.5, 10.0, 20.0)] + [{"cells": 10, "ms": 10.0, "rtol": 1e-2}]
+        changes += [{"element": "regge", "cells": 10}, {"cells": 10, "method": "explicit"}]
+        return Case(name, title, asked, base, vary(base, *changes), base | {"cells": 40, "ms": 2.5}, base)
+
+    return case
+
+
+def build_motion(room, end):
+    def build(s, comm):
+        parser = argparse.ArgumentParser()
+        moving.add_arguments(parser, end=end, rho=0.8)
+        args = parser.parse_args([])
+        args.cells, args.step, args.layers, args.rtol = s["cells"], s["ms"], s["layers"], s["rtol"]
+        args.element, args.method, args.patch, args.jerk = s["element"], s["method"], 0.2, False
+        return room.scene(args, comm)
+
+    return build
+
+
+def go_motion(end):
+    def go(s, scene):
+        ledger, every = scene.ledger, end / 3 if s["method"] == "explicit" else s["ms"] * 1e-3
+        work = [ledger.totals["recoverable"] + ledger.totals["by_law"] for _ in scene.run.march(end, every)]
+        third = len(work) // 3
+        return np.array([work[third - 1], work[2 * third - 1], work[-1]])
+
+    return go
+
+
+DRAPE, POKE = 0.12, 0.06  # s; multiples of three of the longest step
+CASES = {
+    "point": (point, build_point, go_point),
+    "strip": (strip, build_strip, go_strip),
+    "end_shear_0.01": (shear(1e-2), build_shear(1e-2), go_shear),
+    "end_shear_0.0001": (shear(1e-4), build_shear(1e-4), go_shear),
+    "drape": (motion("drape", "Drape held over patches", DRAPE), build_motion(drape, DRAPE), go_motion(DRAPE)),
+    "poke": (motion("poke", "Poke, on its way out", POKE), build_motion(poke, POKE), go_motion(POKE)),
+}
+"""Name -> settings, what builds a scene and what goes through it."""
+
+
+def build(name, setting, comm=MPI.COMM_SELF):
+    """The scene of a case."""
+    return CASES[name][1](setting, comm)
+
+
+def go(name, setting, scene):
+    """The numbers that a scene is asked for."""
+    return CASES[name][2](setting, scene)
