@@ -156,7 +156,7 @@ def run(cases, folder, jobs=2):
     """Run what has not been run before, `jobs` at a time: name -> Done. One that fails keeps no other from running."""
     folder.mkdir(parents=True, exist_ok=True)
     done = {}
-    with ThreadPoolExecutor(jobs) as pool, tqdm(total=len(cases), unit="case") as bar:
+    with ThreadPoolExecutor(jobs) as pool, tqdm(total=len(cases), unit="case", leave=False) as bar:
         for task in as_completed([pool.submit(_one, case, folder) for case in cases]):
             result = task.result()
             done[result.case.name] = result

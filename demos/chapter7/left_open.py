@@ -95,7 +95,7 @@ def hysteresis(r):
         f"Without it blend's centre ends at {off['history']['center_z_m'][-1]:.3f} m in place of "
         f"{found['blend']['history']['center_z_m'][-1]:.3f} m, and the imbalance is {off['imbalance_percent']:.2f} %."
         if off and "blend" in found else None,
-        f"In the poke, {page.joined(through) or 'none'} goes out and back." if pokes else None,
+        f"The poke goes out and back for {page.joined(through) or 'none'}." if pokes else None,
         f"It stops for {page.joined(halted)}." if halted else None,
     )  # fmt: skip
 
@@ -152,7 +152,7 @@ def energy(r):
          f"{answer['history']['dissipated_J'][-1]:.4g} J of {answer['external_work_most_J']:.4g} J")
         for name, answer in scenes.items()
     ]  # fmt: skip
-    fall = max(answer["law_gives_back_percent"] for answer in scenes.values()) if scenes else None
+    fall, where = max(((answer["law_gives_back_percent"], name) for name, answer in scenes.items()), default=(None, ""))
     return (
         page.settings(
             "a search over ellipses and rectangles in E11 and E22, from the contraction of the tests to their ends: "
@@ -181,7 +181,7 @@ def energy(r):
             "round to round, and a ratio below zero is a loss." if least else None,
             "In the scenes " + (
                 "it does not show" if fall <= 1.0 else "it shows"
-            ) + f": what the law has dissipated falls back by at most {fall:.3f} % of the external work."
+            ) + f": what the law has dissipated falls back by at most {fall:.3f} % of the external work ({where})."
             if fall is not None else None,
         )
     )  # fmt: skip
