@@ -226,7 +226,8 @@ def test_what_is_not_recoverable_was_dissipated(name, kind, turns):
             strain, stress = part * direction, after[0]
             total, absolute = total + step, absolute + abs(step)
             dissipated = total - law.recoverable(strain[None], state)[0]
-            assert dissipated >= -1e-4 * absolute
+            # numbers below 1e-300 have lost their digits
+            assert dissipated >= -1e-4 * absolute - 1e-300
 
 
 @every_fabric
