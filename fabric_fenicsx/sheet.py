@@ -21,8 +21,11 @@ from .meshing import Domain
 from .statics import StaticSolver
 from .stiffness import InternalWork
 
-ROTARY = {"thickness": 0.0, "cell": 1.0, "none": None}
-"""Inertia of directors -> its `reach` in `weakform.rotary_inertia`."""
+ROTARY = {"thickness": 0.0, "cell": 3.0, "none": None}
+"""Inertia of directors -> its `reach` in `weakform.rotary_inertia`.
+
+Poke of muslin, 20 x 20, the hardest: 75 cuts, or none that helps, with a reach of 1; 37 with 1.5; 25 to 30 with 3.
+"""
 
 
 class Sheet:

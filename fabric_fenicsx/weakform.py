@@ -50,8 +50,8 @@ def rotary_inertia(
 
     With h^2 + `reach` times the area of the cell in place of h^2. A cell much wider than the sheet is thick has
     directors that turn a thousand times faster than its nodes move: no time step follows them, and in a sheet that
-    wrinkles from cell to cell they turn over. With a reach of 1 a director has the inertia of a cell, as in explicit
-    codes (Hughes, Cohen, Haroun 1978, doi 10.1016/0029-5493(78)90184-X); it vanishes with the square of the mesh.
+    wrinkles from cell to cell they turn over. With a reach of 3 their radius of gyration is half a cell; explicit codes
+    do so too (Hughes, Cohen, Haroun 1978, doi 10.1016/0029-5493(78)90184-X). It vanishes with the square of the mesh.
     """
     return areal_mass * (thickness**2 + reach * _cell_area(dx.ufl_domain())) / 12 * ufl.inner(d, delta) * dx
 
