@@ -1,8 +1,8 @@
 """Cost against size, and against the number of ranks, of the drape held over patches (0.2 m), whole law.
 
-Each run is a process of its own, `demos/drape.py --patch 0.2 --rtol 1e-6`, timed without set-up and compile. The table gives
-seconds, Newton iterations and peak memory, and the exponents with which time and memory grow with the unknowns; with
-more than one number of ranks, the speed-up, and how far the heights of the centre are apart until 0.25 s, before
+Each run is a process of its own, `demos/drape.py --patch 0.2 --rtol 1e-6`, timed without set-up and compile. The table
+gives seconds, Newton iterations and peak memory, and the exponents with which time and memory grow with the unknowns;
+with more than one number of ranks, the speed-up, and how far the heights of the centre are apart until 0.25 s, before
 buckling multiplies round-off, and after it.
 
     python demos/scaling.py --cells 10 20 40 80 --end 0.05
