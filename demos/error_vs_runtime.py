@@ -20,7 +20,6 @@ from mpi4py import MPI  # isort: skip  (first, as in every DOLFINx script: it lo
 import argparse
 import json
 import os
-import shutil
 import subprocess
 import sys
 import time
@@ -31,7 +30,7 @@ import error_cases
 import numpy as np
 import studies
 
-from fabric_fenicsx import command, results
+from fabric_fenicsx import command, results, system
 from fabric_fenicsx.errors import InputError, StepFailed
 
 LEVELS = (0.1, 0.01, 0.001)
@@ -53,7 +52,7 @@ def on_ranks(name, setting):
     """As `once`, on as many ranks as the setting says."""
     if setting.get("ranks", 1) == 1:
         return once(name, setting)
-    mpirun = shutil.which("mpirun", path=Path(sys.executable).parent) or shutil.which("mpirun")
+    mpirun = system.mpirun()
     if mpirun is None:
         raise InputError(f"{setting['ranks']} ranks need mpirun, and there is none on the path.")
     words = [mpirun, "-n", str(setting["ranks"]), sys.executable, __file__, "--one", name, json.dumps(setting)]

@@ -135,16 +135,13 @@ def play(scene, args, out, progress, watch=None):
     """
     sheet, run = scene.sheet, scene.run
     comm = run.comm
-    u = sheet.q.sub(0).collapse() if sheet.shell else sheet.q
-    dofs = sheet.q.function_space.sub(0).collapse()[1] if sheet.shell else slice(None)
-    film = []
+    u, film = sheet.displacement(), []
     if args.resume:
         checkpoint.load(args.resume, run, scene.settings)
         command.say(f"gone on from t = {run.time:g} s")
 
     def shown():
-        u.x.array[:] = sheet.q.x.array[dofs]
-        return u, scene.cell_value()
+        return sheet.displacement(), scene.cell_value()
 
     state, taken = out / "checkpoint.npz", run.ts.getStepNumber()
     with (
@@ -155,7 +152,7 @@ def play(scene, args, out, progress, watch=None):
         if watch:
             watch({"time_s": run.time}, *shown())
         clock = time.process_time()
-        for step in run.march(args.end, args.step * 1e-3, progress=progress and scene.name, note=note(scene.ledger)):
+        for step in run.march(args.end, args.step * 1e-3, progress=progress and scene.name):
             cpu = time.process_time() - clock
             table.row(
                 time_s=step.load,
@@ -184,11 +181,6 @@ def play(scene, args, out, progress, watch=None):
     if film:
         animate(out, scene, u, film)
     return table
-
-
-def note(ledger):
-    """What the progress bar adds."""
-    return lambda: f", imbalance={100 * ledger.totals['imbalance'] / max(ledger.most, 1e-30):.2g} %"
 
 
 def animate(out, scene, u, film):

@@ -15,14 +15,13 @@ from mpi4py import MPI  # isort: skip  (first, as in every DOLFINx script: it lo
 
 import argparse
 import os
-import shutil
 import subprocess
 import sys
 from pathlib import Path
 
 import numpy as np
 
-from fabric_fenicsx import command, results
+from fabric_fenicsx import command, results, system
 from fabric_fenicsx.errors import InputError, StepFailed
 
 DRAPE = Path(__file__).with_name("drape.py")
@@ -40,7 +39,7 @@ def run(cells, ranks, args):
     words = [sys.executable, DRAPE, "--patch", "0.2", "--cells", cells, "--end", args.end, "--rtol", 1e-6, "--out", out]
     words += args.also
     if ranks > 1:
-        mpirun = shutil.which("mpirun", path=Path(sys.executable).parent) or shutil.which("mpirun")
+        mpirun = system.mpirun()
         if mpirun is None:
             raise InputError(f"--ranks {ranks} needs mpirun, and there is none on the path.")
         words = [mpirun, "-n", ranks, *words]

@@ -5,7 +5,6 @@ Nothing but the standard library is imported here, so that it can tell the truth
 
 import os
 import platform
-import shutil
 import subprocess
 import sys
 import time
@@ -66,7 +65,7 @@ def look() -> list[Finding]:
         found.append(Finding("compiler, headers, system libraries", True, "a C library was compiled, all are found"))
     with ThreadPoolExecutor(2) as pool:
         found += pool.map(lambda part: _part(*part), PARTS)
-    mpirun = shutil.which("mpirun", path=Path(sys.executable).parent) or shutil.which("mpirun")
+    mpirun = system.mpirun()
     remedy = "install the MPI that DOLFINx was built with, for runs on several ranks"
     found.append(Finding("mpirun", mpirun is not None, mpirun or "not found", remedy, needed=False))
     return [*found, _cache(), _size()]

@@ -178,13 +178,12 @@ class Newmark(Stepper):
 
     _smallest, _roughest, _may_grow = 1 / 64, 1 / 8, True
 
-    def march(self, end: float, dt: float, smallest: float = 1 / 64, progress: str | None = None,
-              note: Callable[[], str] = lambda: "") -> Iterator[Step]:  # fmt: skip
+    def march(self, end: float, dt: float, smallest: float = 1 / 64, progress: str | None = None) -> Iterator[Step]:
         """Go on to the time `end` in steps of dt, both in s; yields a `Step` after each, its load being the time.
 
         A step that fails is restored and halved, and grows again once it works, always to meet the end of
         the whole step; parts below `smallest` of it raise StepFailed, on every rank, with the last good
-        state in place. `progress` names the bar that rank 0 shows, `note` adds to it.
+        state in place. `progress` names the bar that rank 0 shows.
         """
         if not (np.isfinite(dt) and dt > 0.0):
             raise InputError(f"A time step of {dt!r} s is not a positive number.")
@@ -213,7 +212,7 @@ class Newmark(Stepper):
                 self.time = float(target)
                 self.ts.setTime(self.time)
                 self.number += 1
-                said = f"t={self.time:.4g} s, newton={self.iterations}, cuts={self.cuts}{note()}"
+                said = f"t={self.time:.4g} s, newton={self.iterations}, cuts={self.cuts}{self._balance()}"
                 bar.set_postfix_str(said, refresh=False)
                 bar.update()
                 self.stop_if_interrupted()

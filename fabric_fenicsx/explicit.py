@@ -186,8 +186,7 @@ class CentralDifference(Stepper):
             self.ledger.start()
         self._began = True
 
-    def march(self, end: float, every: float, dt: float | None = None, progress: str | None = None,
-              note: Callable[[], str] = lambda: "") -> Iterator[Step]:  # fmt: skip
+    def march(self, end: float, every: float, dt: float | None = None, progress: str | None = None) -> Iterator[Step]:
         """Go on to the time `end`; yields a `Step` each `every` seconds, its load being the time.
 
         dt: the step in s, by default `SAFETY` of the stable one, or a little less to meet `every`. Raises
@@ -212,7 +211,7 @@ class CentralDifference(Stepper):
                 self.time = begun + every
                 self._judge(good, begun)
                 self.number += 1
-                bar.set_postfix_str(f"t={self.time:.4g} s{note()}", refresh=False)
+                bar.set_postfix_str(f"t={self.time:.4g} s{self._balance()}", refresh=False)
                 bar.update()
                 self.stop_if_interrupted()
                 yield Step(self.number, self.time, parts, 0, time.perf_counter() - clock)

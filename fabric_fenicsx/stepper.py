@@ -53,6 +53,11 @@ class Stepper:
         now = self.given(t)
         return now, (after - before) / (2 * dt), (after - 2 * now + before) / dt**2
 
+    def _balance(self) -> str:
+        """What the progress bar adds where a ledger is kept."""
+        ledger = self.ledger
+        return f", imbalance={100 * ledger.totals['imbalance'] / max(ledger.most, 1e-30):.2g} %" if ledger else ""
+
     def stop_if_interrupted(self) -> None:
         """Raise KeyboardInterrupt, on every rank, if `checkpoint.guard` has seen one."""
         if self.comm.allreduce(self.interrupted):

@@ -8,6 +8,7 @@ import ctypes
 import importlib.util
 import os
 import shlex
+import shutil
 import subprocess
 import sys
 import sysconfig
@@ -38,6 +39,11 @@ def loads(library: str) -> bool:
     except OSError:
         return False
     return True
+
+
+def mpirun() -> str | None:
+    """Path of the mpirun that comes with this Python, else of another; None if there is none."""
+    return shutil.which("mpirun", path=Path(sys.executable).parent) or shutil.which("mpirun")
 
 
 def can_draw() -> str | None:

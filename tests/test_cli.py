@@ -1,7 +1,6 @@
 """The command line: every verb, what it says to bad input, and what `doctor` finds."""
 
 import os
-import shutil
 import subprocess
 import sys
 import time
@@ -14,7 +13,7 @@ import pytest
 import test_demos
 from test_setup import PROJECT, ROOT
 
-from fabric_fenicsx import cli, doctor, fabrics, scenes
+from fabric_fenicsx import cli, doctor, fabrics, scenes, system
 from fabric_fenicsx.errors import InputError
 from fabric_fenicsx.identify import synthetic
 
@@ -149,7 +148,7 @@ def test_run_and_view(command, tmp_path):
     assert command("view", tmp_path / "one", "--animation")[0] == 0
     assert (tmp_path / "one" / "animation.gif").stat().st_size > 10_000
 
-    mpirun = shutil.which("mpirun", path=Path(sys.executable).parent) or shutil.which("mpirun")
+    mpirun = system.mpirun()
     if mpirun is None:
         pytest.skip("there is no mpirun")
     words = [mpirun, "-n", "2", sys.executable, "-c", ENTRY, "run", str(path), "--out"]

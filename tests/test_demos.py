@@ -14,7 +14,7 @@ import pytest
 from matplotlib import image
 from scipy import optimize, special
 
-from fabric_fenicsx import fabrics, results
+from fabric_fenicsx import fabrics, results, system
 
 ROOT = Path(__file__).resolve().parent.parent
 DEMOS, MESHES = ROOT / "demos", ROOT / "meshes"
@@ -234,26 +234,31 @@ for words in json.loads(sys.argv[1]):
 """
 
 
-def test_two_ranks_give_the_same(demo, tmp_path):
-    """To 1e-8 where the demo solves to 1e-10 of the force, to 1e-6 with the 1e-6 of tensile.py."""
-    mpirun = shutil.which("mpirun", path=Path(sys.executable).parent) or shutil.which("mpirun")
+def on_two_ranks(commands):
+    """Run demos one after the other on two ranks; each must say that its check is met, once, by rank 0."""
+    mpirun = system.mpirun()
     if mpirun is None:
         pytest.skip("there is no mpirun")
+    answer = subprocess.run(
+        [mpirun, "-n", "2", sys.executable, "-c", TWICE, json.dumps(commands)],
+        capture_output=True,
+        text=True,
+        timeout=280,
+        check=False,
+    )
+    assert answer.returncode == 0, answer.stderr
+    assert answer.stdout.count(": yes;") == len(commands), "said once, by rank 0"
+
+
+def test_two_ranks_give_the_same(demo, tmp_path):
+    """To 1e-8 where the demo solves to 1e-10 of the force, to 1e-6 with the 1e-6 of tensile.py."""
     runs = {
         "tensile.py": (["--angle", "30", "--ends", "clamped", "--steps", "5"], "blend_30", 1e-6),
         "simple_shear.py": (["--steps", "5"], "blend_sign", 1e-8),
         "biaxial.py": (["--fabric", "blend", "--steps", "5"], "blend", 1e-8),
     }
     commands = [[str(DEMOS / name), *words, "--out", str(tmp_path / "two")] for name, (words, *_) in runs.items()]
-    answer = subprocess.run(
-        [mpirun, "-n", "2", sys.executable, "-c", TWICE, json.dumps(commands)],
-        capture_output=True,
-        text=True,
-        timeout=200,
-        check=False,
-    )
-    assert answer.returncode == 0, answer.stderr
-    assert answer.stdout.count(": yes;") == 3, "said once, by rank 0"
+    on_two_ranks(commands)
     for name, (words, folder, tolerance) in runs.items():
         assert demo(name, *words, "--out", tmp_path / "one")[0] == 0
         one, two = (read(tmp_path / ranks / folder / "history.csv") for ranks in ("one", "two"))

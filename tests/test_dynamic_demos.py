@@ -1,11 +1,5 @@
 """The demos in motion: their checked numbers, their files, and the same answer on two ranks."""
 
-import json
-import shutil
-import subprocess
-import sys
-from pathlib import Path
-
 import numpy as np
 import pytest
 import test_demos
@@ -98,9 +92,6 @@ def test_bad_input_is_answered_in_a_sentence(demo, tmp_path, name, words, reason
 
 def test_two_ranks_give_the_same(demo, tmp_path):
     """The drape of fabric until after the start of its fall, a swing, and a flight."""
-    mpirun = shutil.which("mpirun", path=Path(sys.executable).parent) or shutil.which("mpirun")
-    if mpirun is None:
-        pytest.skip("there is no mpirun")
     runs = {
         "drape": (["drape.py", "--cells", "4", "--end", "0.05"], "", "center_z_m"),
         "swing": (["pendulum.py", "--angle", "60", "--step", "10"], "60_degrees", "angle_deg"),
@@ -110,15 +101,7 @@ def test_two_ranks_give_the_same(demo, tmp_path):
     commands = [
         [str(DEMOS / name), *words, "--out", str(tmp_path / "two" / key)] for key, ((name, *words), *_) in runs.items()
     ]
-    answer = subprocess.run(
-        [mpirun, "-n", "2", sys.executable, "-c", test_demos.TWICE, json.dumps(commands)],
-        capture_output=True,
-        text=True,
-        timeout=280,
-        check=False,
-    )
-    assert answer.returncode == 0, answer.stderr
-    assert answer.stdout.count(": yes;") == len(runs), "said once, by rank 0"
+    test_demos.on_two_ranks(commands)
     for key, ((name, *words), folder, probe) in runs.items():
         assert demo(name, *words, "--out", tmp_path / "one" / key)[0] == 0
         one, two = (read(tmp_path / ranks / key / folder / "history.csv") for ranks in ("one", "two"))

@@ -1,11 +1,6 @@
 """The short demos that a user extends from: their checked numbers, on one rank and on two."""
 
 import ast
-import json
-import shutil
-import subprocess
-import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -45,21 +40,10 @@ def test_it_is_short_and_says_what_it_shows(name):
 
 
 def test_two_ranks_give_the_same(demo, tmp_path):
-    mpirun = shutil.which("mpirun", path=Path(sys.executable).parent) or shutil.which("mpirun")
-    if mpirun is None:
-        pytest.skip("there is no mpirun")
     commands = [[str(DEMOS / f"{name}.py"), "--out", str(tmp_path / "two" / name)] for name in MINE]
     sleeve = ["--around", "16", "--along", "12", "--end", "0.06", "--out"]
     commands.append([str(DEMOS / "sleeve.py"), *sleeve, str(tmp_path / "two" / "sleeve")])
-    answer = subprocess.run(
-        [mpirun, "-n", "2", sys.executable, "-c", test_demos.TWICE, json.dumps(commands)],
-        capture_output=True,
-        text=True,
-        timeout=280,
-        check=False,
-    )
-    assert answer.returncode == 0, answer.stderr
-    assert answer.stdout.count(": yes;") == len(commands), "said once, by rank 0"
+    test_demos.on_two_ranks(commands)
     for name, column in (("my_load", "sag_m"), ("my_law", "force_N")):
         assert demo(f"{name}.py", "--out", tmp_path / "one" / name)[0] == 0
         one, two = (read(tmp_path / ranks / name / "history.csv")[column] for ranks in ("one", "two"))

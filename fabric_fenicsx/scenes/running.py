@@ -64,11 +64,7 @@ def _start(built: Built, progress: bool) -> tuple[Iterator[Step], Any, Ledger | 
         motion, ledger = built.cloth.newmark(
             built.areal_mass, built.bcs, built.loads, scene.rho, scene.damping, set_load=built.set_load
         )
-
-        def note() -> str:
-            return f", imbalance={100 * ledger.totals['imbalance'] / max(ledger.most, 1e-30):.2g} %"
-
-        return motion.march(scene.end, scene.step, scene.smallest, name, note), motion.solver, ledger, motion
+        return motion.march(scene.end, scene.step, scene.smallest, name), motion.solver, ledger, motion
     solver, parts, last = built.cloth.equilibrium(built.bcs, built.loads), [], 0.0
     for turn in scene.turns:
         parts += [*np.linspace(last, turn, scene.steps + 1)[1:]]
