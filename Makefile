@@ -5,7 +5,7 @@ help:
 	@sed -n 's/^\([a-z]*\):.*## /make \1: /p' Makefile
 
 demo: setup ## the tensile tests of all four fabrics; table, CSV and pictures under out/tensile
-	$(python) demos/tensile.py --fabric all --angle all --out out/tensile
+	$(python) demos/tensile.py --fabric all --angle all --cells 9x3 --degree 1 --out out/tensile
 
 thesis: setup ## chapter 7 of the thesis beside this code, in out/thesis/thesis.html; what has run before is kept
 	$(python) demos/thesis.py

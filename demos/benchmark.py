@@ -97,7 +97,7 @@ def recorded(angle):
         tensile.LAWS["recorder"] = Recorder
         ny = int(np.clip(np.sqrt(n / 720), 1, 12))
         ends = "free" if angle == 45.0 else "clamped"
-        case = tensile.Case(law.fabric, angle, "recorder", cells=(3 * ny, ny), steps=8, ends=ends)
+        case = tensile.Case(law.fabric, angle, "recorder", cells=(3 * ny, ny), degree=1, steps=8, ends=ends)
         tensile.run(case, comm=MPI.COMM_SELF)
         # whole calls, evenly spread over the test
         wanted = np.linspace(0, len(calls) - 1, n // len(calls[0][0]) + 1).astype(int)
@@ -265,7 +265,7 @@ def lap(name):
 from mpi4py import MPI
 import tensile
 lap("imports")
-u, solver, fabric, pull, _ = tensile.strip(tensile.Case(tensile.fabrics.load("blend"), 45.0))
+u, solver, fabric, pull, _ = tensile.strip(tensile.Case(tensile.fabrics.load("blend"), 45.0, **tensile.THESIS))
 lap("mesh and forms")
 fabric.evaluate()
 lap("first call of the law")

@@ -153,7 +153,7 @@ def main():
     if args.quick:
         names, held, steps = ["muslin"], ("free",), STEPS[:2]
     cases = [
-        Case(fabric, angle, poisson=args.poisson, cells=args.cells, steps=args.steps, ends=ends)
+        Case(fabric, angle, poisson=args.poisson, cells=args.cells, degree=1, steps=args.steps, ends=ends)
         for fabric in map(fabrics.load, names)
         for angle in (0.0, 90.0, 45.0)
         for ends in held

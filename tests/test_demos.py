@@ -201,7 +201,7 @@ def test_identify_ones_own_records(demo, tmp_path):
 @pytest.mark.parametrize("angle", [0.0, 90.0, 45.0])
 @pytest.mark.parametrize("name", fabrics.names())
 def test_every_cycle_completes(tensile, name, angle, ends):
-    case = tensile.Case(fabrics.load(name), angle, ends=ends)
+    case = tensile.Case(fabrics.load(name), angle, ends=ends, **tensile.THESIS)
     table, peak, stopped = tensile.run(case)
     assert stopped is None and table.column("force_N")[-1] <= 0
     if ends == "free" and angle != 45:
@@ -214,7 +214,7 @@ def test_every_cycle_completes(tensile, name, angle, ends):
 @pytest.mark.parametrize("angle", [0.0, 90.0])
 @pytest.mark.parametrize("name", fabrics.names())
 def test_five_steps_are_enough(tensile, name, angle):
-    case = tensile.Case(fabrics.load(name), angle, ends="free", steps=5)
+    case = tensile.Case(fabrics.load(name), angle, ends="free", steps=5, **tensile.THESIS)
     table, peak, stopped = tensile.run(case)
     top = table.rows[peak - 1]
     assert stopped is None
@@ -325,7 +325,7 @@ def test_the_flat_strip_is_the_same_at_all_levels_of_kinematics(angle, monkeypat
 
     forces = []
     for level in ("plane", "membrane", "shell"):
-        case = tensile.Case(fabrics.load("blend"), float(angle), steps=6, kinematics=level)
+        case = tensile.Case(fabrics.load("blend"), float(angle), steps=6, kinematics=level, **tensile.THESIS)
         scene = tensile.strip(case)
         scene[1].rtol = 1e-10
         forces.append(tensile.run(case, scene=scene)[0].column("force_N"))
@@ -337,7 +337,8 @@ def test_the_flat_strip_is_the_same_at_all_levels_of_kinematics(angle, monkeypat
 def test_an_unloaded_strip_buckles_into_the_elastica(demo, tmp_path):
     """Figure 7-9 c: pulled longer for good and pushed back, a strip stands out as a clamped elastica of that length."""
     status, said, _ = demo(
-        "tensile.py", "--kinematics", "shell", "--imperfection", "0.1", "--whole", "--steps", "10", "--out", tmp_path
+        "tensile.py", "--kinematics", "shell", "--imperfection", "0.1", "--whole", "--steps", "10", "--cells", "9x3",
+        "--out", tmp_path,
     )
     table = read(tmp_path / "blend_0" / "history.csv")
     d, force = table["displacement_mm"], table["force_N"]

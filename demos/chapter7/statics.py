@@ -94,7 +94,7 @@ def cycles(fabric, steps, cells, element="bilinear", kinds=("measured",), laws=(
         ends = "free" if way == "bias" else "clamped"
         for poisson in kinds:
             for law in laws:
-                case = tensile.Case(given, angle, law, poisson, tuple(cells), steps=steps, ends=ends, **shape)
+                case = tensile.Case(given, angle, law, poisson, tuple(cells), degree=1, steps=steps, ends=ends, **shape)
                 wanted = (1, steps, -1) if way in shots and law == "continuous" else ()
                 found[f"{way} {poisson} {law}"] = test(case, wanted)
     return found
@@ -106,7 +106,7 @@ def off_axis(fabric, steps, angles, meshes, shots=False):
     for angle in angles:
         for cells in meshes:
             for law in LAWS if cells == meshes[0] else ("continuous",):
-                case = tensile.Case(given, float(angle), law, cells=tuple(cells), steps=steps, ends="free")
+                case = tensile.Case(given, float(angle), law, cells=tuple(cells), degree=1, steps=steps, ends="free")
                 wanted = (1, steps) if shots and angle == 30 and law == "continuous" and cells == meshes[0] else ()
                 found[f"{angle} {'x'.join(map(str, cells))} {law}"] = test(case, wanted)
     return found
@@ -116,7 +116,7 @@ def reload(fabric, steps):
     """Warp test that goes to 75, back to 70, and on to 100 % of its way, and then down."""
     given = fabrics.load(fabric)
     return {
-        f"{ends} {law}": test(tensile.Case(given, 0.0, law, steps=steps, ends=ends, reload=True))
+        f"{ends} {law}": test(tensile.Case(given, 0.0, law, steps=steps, ends=ends, reload=True, **tensile.THESIS))
         for ends in ("clamped", "free")
         for law in LAWS
     }
