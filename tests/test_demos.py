@@ -337,8 +337,18 @@ def test_the_flat_strip_is_the_same_at_all_levels_of_kinematics(angle, monkeypat
 def test_an_unloaded_strip_buckles_into_the_elastica(demo, tmp_path):
     """Figure 7-9 c: pulled longer for good and pushed back, a strip stands out as a clamped elastica of that length."""
     status, said, _ = demo(
-        "tensile.py", "--kinematics", "shell", "--imperfection", "0.1", "--whole", "--steps", "10", "--cells", "9x3",
-        "--out", tmp_path,
+        "tensile.py",
+        "--kinematics",
+        "shell",
+        "--imperfection",
+        "0.1",
+        "--whole",
+        "--steps",
+        "10",
+        "--cells",
+        "9x3",
+        "--out",
+        tmp_path,
     )
     table = read(tmp_path / "blend_0" / "history.csv")
     d, force = table["displacement_mm"], table["force_N"]
