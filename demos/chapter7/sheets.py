@@ -140,6 +140,7 @@ def poke(r):
         "blend, St. Venant-Kirchhoff": "poke svk blend", "blend": "poke continuous blend",
         "blend, shear hysteresis off": "poke continuous blend no shear hysteresis",
         **{name: f"poke continuous {name}" for name in ("denim", "duck", "muslin")},
+        **{f"{name}, lowered ratios": f"poke continuous {name} lowered ratios" for name in ("duck", "muslin")},
     }  # fmt: skip
     found = {name: answer for name, answer in ((name, r.get(case)) for name, case in wanted.items()) if answer}
     svk, law = r["poke svk blend"], r["poke continuous blend"]
