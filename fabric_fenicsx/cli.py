@@ -122,7 +122,7 @@ def identify(tests: Path, shear: str, ends: str, out: Path) -> None:
         found = _shear_otherwise(found, shear, ends)
     for ending in ("pdf", "png"):
         report.write(found, out / f"report.{ending}")
-    for word in (*found.notes, "not determined:", *(found.undetermined or ["nothing"])):
+    for word in (*found.notes, *found.fits, "not determined:", *(found.undetermined or ["nothing"])):
         click.echo(f"  {word}")
     path, _ = fabric_file.write(found, out)
     click.echo(f"see {out / 'report.pdf'}; the fabric is {path}")

@@ -83,6 +83,16 @@ class Identified:
                 out.append(f"{key}: no dots" + (", assumed" if key in self.tests.assumed else ""))
         return [*out, f"not tested: {NOT_TESTED}"]
 
+    @property
+    def fits(self) -> list[str]:
+        """How well each curve meets its data, in words."""
+        known = self.curves | ({"bias": self.bias} if self.bias else {})
+        return [
+            f"{way} curve: {curve.how}, to a strain of {curve.loading.limit:.3g}; "
+            f"fit error (rms) {100 * curve.loading.residual:.2g} % of the peak stress"
+            for way, curve in known.items()
+        ]
+
     def unloading(self, way: str) -> float:
         """Unloading modulus (Pa) for the fabric: measured, else assumed, but nowhere less than the loading modulus."""
         curve = self.curves[way]

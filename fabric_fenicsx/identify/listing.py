@@ -17,7 +17,7 @@ bias = ["bias_1.csv"]
 warp_dots = ["warp_1_dots.csv"]
 weft_dots = ["weft_1_dots.csv"]
 
-[assumed]                       # used only where no record tells
+[assumed]                       # used only where no record tells; a ratio may be zero
 nu12 = 0.3
 nu21 = 0.3
 warp_unloading_MPa = 900        # and weft_..., shear_... (dS12/dE12)
@@ -35,7 +35,8 @@ from .records import Strip
 TEXTS = ("name", "label", "material", "weave")
 NUMBERS = ("thickness_mm", "density_kg_per_m3", "gauge_length_mm", "width_mm")
 RECORDS = ("warp", "weft", "bias", "warp_dots", "weft_dots")
-ASSUMED = ("nu12", "nu21", "warp_unloading_MPa", "weft_unloading_MPa", "shear_unloading_MPa")
+RATIOS = ("nu12", "nu21")
+ASSUMED = (*RATIOS, "warp_unloading_MPa", "weft_unloading_MPa", "shear_unloading_MPa")
 
 
 @dataclass(frozen=True)
@@ -81,7 +82,7 @@ def read(path: str | Path) -> Tests:
         Strip(*(numbers[key] / 1e3 for key in ("gauge_length_mm", "width_mm", "thickness_mm"))),
         entries.get("source", "not said"),
         records,
-        {key: _number(path, f"assumed.{key}", value) for key, value in assumed.items()},
+        {key: _number(path, f"assumed.{key}", value, zero=key in RATIOS) for key, value in assumed.items()},
     )
 
 
@@ -103,7 +104,8 @@ def _table(path: str | Path, key: str, entries: dict[str, Any]) -> dict[str, Any
     return entries[key]
 
 
-def _number(path: str | Path, key: str, value: object) -> float:
-    if isinstance(value, bool) or not isinstance(value, int | float) or not 0 < value < 1e15:
-        raise InputError(f"{path}: {key} = {value!r} is not a positive number; give it in the unit that the key names.")
+def _number(path: str | Path, key: str, value: object, zero: bool = False) -> float:
+    if isinstance(value, bool) or not isinstance(value, int | float) or not (0 < value < 1e15 or (zero and value == 0)):
+        allowed = "zero or a positive number" if zero else "a positive number"
+        raise InputError(f"{path}: {key} = {value!r} is not {allowed}; give it in the unit that the key names.")
     return float(value)

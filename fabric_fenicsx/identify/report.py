@@ -15,6 +15,7 @@ if TYPE_CHECKING:
 
 SHOWN = 400  # readings drawn of one specimen
 WIDTH, LINES = 122, 46  # of the table
+SOURCE = 115  # characters of a line on where the records come from
 SYMBOLS = {"warp": ("E_{11}", "S_{11}"), "weft": ("E_{22}", "S_{22}"), "shear": ("E_{12}", "S_{12}")}
 
 
@@ -29,7 +30,8 @@ def draw(found: Identified) -> "Figure":
     title = f"{texts['name']} ({texts['label']}): {texts['material']}, {texts['weave']}"
     figure.text(0.05, 0.965, title, size=14, weight="bold", parse_math=False)
     size = " x ".join(f"{1e3 * side:g}" for side in (strip.gauge_length, strip.width, strip.thickness))
-    figure.text(0.05, 0.945, f"strip {size} mm; records: {found.tests.source}", size=8, parse_math=False)
+    said = "\n".join(textwrap.wrap(f"strip {size} mm; records: {found.tests.source}", SOURCE, max_lines=2))
+    figure.text(0.05, 0.957, said, size=8, va="top", parse_math=False)
     for i, way in enumerate(WAYS):
         _curve(figure.add_subplot(grid[0, i]), found, way)
         _misfit(figure.add_subplot(grid[1, i]), found, way)
@@ -63,7 +65,7 @@ def _frame(axes: "Axes", title: str, x: str, y: str, known: bool, word: str = "n
 
 def _dots(axes: "Axes", x: Array, y: Array, **style: Any) -> None:
     some = slice(None, None, max(1, len(x) // SHOWN))
-    axes.plot(x[some], y[some], ".", ms=1.5, **style)
+    axes.plot(x[some], y[some], ".", ms=1.5 if len(x) > 100 else 4.0, **style)
 
 
 def _data(axes: "Axes", curve: Curve) -> None:
