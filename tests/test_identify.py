@@ -310,6 +310,14 @@ def test_shear_strain_of_marked_yarns():
     percent = replace(record, yarns=yarns | {"warp_stretch": 10 * ramp})
     with pytest.raises(InputError, match="warp_stretch holds 0; give current length over first length"):
         markers.shear_strain(percent)
+    degrees = replace(record, yarns=yarns | {"angle": np.degrees(yarns["angle"])})
+    with pytest.raises(InputError, match="angle holds 5157 degrees; give 0 to 180, and the right unit"):
+        markers.shear_strain(degrees)
+    still = replace(
+        record, yarns=yarns | {"warp_stretch": 1 + 0 * ramp, "weft_stretch": 1 + 0 * ramp, "angle": 1.5 + 0 * ramp}
+    )
+    with pytest.raises(InputError, match=r"a\.csv: the marked yarns do not shear"):
+        identification._shear(STRIP, [still], [branches.Branches(np.arange(11), [], ())])
 
 
 # --- files as they come
@@ -374,7 +382,7 @@ GOOD = "time_s,displacement_mm,force_N\n" + "\n".join(f"{k},{k / 2},{k * k}" for
         (GOOD.replace("force_N", "force"), "column 'force' has no unit; write it into the name, as in 'force (N)'"),
         (GOOD.replace("force_N", "force (stone)"), "column 'force (stone)' has the unknown unit 'stone'"),
         (GOOD.replace("force_N", "force (MN)"), "column 'force (MN)' has the unknown unit 'MN'"),
-        (GOOD.replace("force_N", "force_mm"), "column 'force_mm' is a force in mm, a unit of length"),
+        (GOOD.replace("force_N", "force_mm"), "column 'force_mm' gives force in mm, a unit of length"),
         (GOOD.replace("force_N", "true stress (MPa)"), "no column holds a force; name one as in 'force (N)'"),
         (GOOD.replace("time_s", "force_2_N"), "columns 'force_2_N' and 'force_N' could each be the force"),
         (GOOD.replace("7,3.5,49", "7,3.5,fail"), "column 'force_N' holds 'fail' in line 9, which is no number"),
@@ -387,6 +395,15 @@ GOOD = "time_s,displacement_mm,force_N\n" + "\n".join(f"{k},{k / 2},{k * k}" for
         ("\n".join(GOOD.splitlines()[:6]), "has 5 complete lines, and a curve needs 8"),
         (re.sub(r",\d+$", ",0", GOOD, flags=re.M), "the force is zero throughout"),
         (GOOD.replace("time_s", "angle_deg"), "has angle of the marked yarns only"),
+        (GOOD.replace("force_N", "force_kN"), "a stress of 3.74e+04 MPa; correct the unit"),
+        (GOOD.replace("7,3.5,49", "7,3.5," + 20 * "fail"), "holds 'failfailfailfailfailfailfai...' in line 9"),
+        (re.sub(r",[\d.]+,", ",1,", GOOD), "the displacement never changes; check that its column"),
+        (
+            GOOD.replace("7,3.5,49", "7,3,5,49"),
+            "line 9 has more cells than there are columns; where numbers have decimal",
+        ),
+        (GOOD + "\0", "is no plain text; export the test as CSV"),
+        (GOOD + "\n1," + 200000 * "1", "is no table of readings (field larger than field limit"),
     ],
 )
 def test_a_record_is_refused_in_one_sentence(tmp_path, text, sentence):
@@ -401,6 +418,8 @@ def test_a_record_is_refused_in_one_sentence(tmp_path, text, sentence):
 def test_a_file_that_is_not_there_is_refused(tmp_path):
     with pytest.raises(InputError, match=r"nowhere\.csv: cannot be read"):
         records.read(tmp_path / "nowhere.csv", STRIP)
+    with pytest.raises(InputError, match="is no path of a file"):
+        records.read(tmp_path / "no\0where.csv", STRIP)
 
 
 @settings(max_examples=50)
@@ -415,6 +434,8 @@ def test_a_force_at_the_start_is_taken_off(seed, part, sign):
     assert re.search(r"a\.csv: the force begins at [+-]\d+\.\d % of its peak", record.notes[0])
     with pytest.raises(InputError, match=r"a\.csv: .* which is no pre-load; zero the load cell"):
         branches.balance(records.Record("a.csv", d, clean + 0.35 * force.max()), np.arange(300))
+    with pytest.raises(InputError, match=r"a\.csv: the force stays near 50 N; check"):
+        branches.balance(records.Record("a.csv", d, np.full(300, 50.0)), np.arange(300))
     exact = records.Record("a.csv", d, force)
     assert branches.balance(exact, np.arange(300)) is exact
 
@@ -451,6 +472,9 @@ def test_a_fabric_comes_back_from_records_as_they_come(tmp_path):
         ("a_x_mm,a_y_mm,b_x_mm,b_y_mm,c_x_mm,c_y_mm\n0,0,1,0,0,1\n0,0,1,0,0,1.1\n", "a ratio needs 3"),
         ("a_x_mm,a_y_mm,b_x_mm,b_y_mm,c_x_mm,c_y_mm\n0,0,1,0,0,1\n0,0,1,.2,.2,1\n", "along neither x nor y"),
         ("a_x_mm,a_y_N,b_x_mm,b_y_mm,c_x_mm,c_y_mm\n0,0,1,0,0,1\n", "a unit of force"),
+        ("a_x_mm,a_y_px,b_x_mm,b_y_mm,c_x_mm,c_y_mm\n0,0,1,0,0,1\n", "some dots are in pixels and some in a length"),
+        ("a_x_mm,a_y_mm,b_x_mm,b_y_mm,c_x_mm,c_y_mm\n", "has no photographs, and a ratio needs 3"),
+        ("time_s,displacement_mm,force_N\n", "one with x and one with y; add one, such as 'displacement_mm,a_x_mm,"),
     ],
 )
 def test_dots_are_refused_in_one_sentence(tmp_path, text, sentence):
@@ -483,6 +507,8 @@ def test_the_list_of_tests_is_refused_in_one_sentence(tmp_path, found):
         ('weft = ["', 'welt = ["', "records.welt is not a known key; known is weft"),
         ('warp = ["warp_1.csv", "warp_2.csv", "warp_3.csv"]', 'warp = "warp_1.csv"', "is not a list of files"),
         ("[records]", "[[records", "is not TOML"),
+        ('"warp_2.csv"', '"warp_1.csv"', "records.warp names 'warp_1.csv' twice"),
+        ("[records]", "[assumed]\nnu12 = -1\n[records]", "nu12 = -1 is not zero or a positive number"),
     ):
         path.write_text(good.replace(old, new))
         with pytest.raises(InputError, match=re.escape(sentence)) as error:

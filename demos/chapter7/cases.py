@@ -100,13 +100,8 @@ def listed(quick=False):
         add(f"material {fabric}", "points.material", fabric=fabric, steps=20)
         add(f"steps {fabric}", "points.steps_at_a_point", fabric=fabric, counts=counts)
     for fabric in LOWERED:
-        add(
-            f"poke continuous {fabric} lowered ratios",
-            "motion.poke",
-            fabric=fabric,
-            poisson="lowered",
-            **scenes["poke"],
-        )
+        lowered = {"poisson": "lowered", **scenes["poke"]}
+        add(f"poke continuous {fabric} lowered ratios", "motion.poke", fabric=fabric, **lowered)
         add(f"ratios {fabric}", "statics.ratios", fabric=fabric, steps=20, values=(0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8))
     for fabric in "blend", "denim":
         mesh = {"meshes": ((9, 3), (36, 12)), "shots": fabric == "blend"}

@@ -12,6 +12,7 @@ from .records import Record
 
 FALL = 0.8  # a force that ends below this part of its peak, while the strip is still drawn, has passed yield
 
+CONSTANT = 0.01  # a force that grows by less than this part of its first value is none of a test
 SMALL, OFFSET = 0.005, 0.2  # a force at the start below the first part of its peak is none, above the other no pre-load
 
 
@@ -36,6 +37,10 @@ def balance(record: Record, virgin: np.ndarray) -> Record:
     peak = float(_median(force).max()) - first
     if abs(first) < SMALL * peak:
         return record
+    if peak < CONSTANT * abs(first):
+        raise InputError(
+            f"{record.file}: the force stays near {first:.4g} N; check that its column is the load cell's, and zeroed."
+        )
     start = f"{record.file}: the force begins at {100 * first / peak:+.1f} % of its peak"
     if abs(first) > OFFSET * peak:
         raise InputError(

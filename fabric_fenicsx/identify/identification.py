@@ -5,6 +5,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from ..errors import InputError
 from ..laws import Array
 from . import branches, curves, listing, markers, records
 from .curves import Estimate, Loading, Readings
@@ -186,7 +187,10 @@ def _shear(
                 "which is subtracted, (3.9)."
             )
         covered = way[E[way] <= E[seen].max()]
-        readings.append(Readings(record.file, smooth(E[covered]), S12[covered]))
+        strain = smooth(E[covered])
+        if not strain.max() > 1e-6:
+            raise InputError(f"{record.file}: the marked yarns do not shear; check the columns of stretches and angle.")
+        readings.append(Readings(record.file, strain, S12[covered]))
         runs = [run[np.isfinite(E12[run])] for run in part.unloading]
         back += [(E12[run] - rest, S12[run]) for run in runs]
         slopes.append([curves.unloading(E[run], E12[run], S12[run]) for run in runs if len(run) > 3])

@@ -70,6 +70,9 @@ def read(path: str | Path) -> Tests:
     for key, names in entries["records"].items():
         if not isinstance(names, list) or not names or not all(isinstance(name, str) for name in names):
             raise InputError(f'{path}: records.{key} is not a list of files; write ["{key}_1.csv"] or more.')
+        twice = next((name for name in names if names.count(name) > 1), None)
+        if twice is not None:
+            raise InputError(f"{path}: records.{key} names {twice!r} twice; a file is one specimen, so leave one out.")
         records[key] = [Path(path).parent / name for name in names]
     if not any(key in records for key in ("warp", "weft", "bias")):
         raise InputError(f"{path}: records names no tensile test; add warp, weft or bias.")

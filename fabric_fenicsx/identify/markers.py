@@ -36,8 +36,10 @@ def contraction(path: str | Path) -> Contraction:
     be turned and a dot be missing; the scatter is from the triangles between neighbouring dots. The load is along
     the direction, x or y, in which the dots spread.
     """
-    table = read_table(path, ("x", "y"))
+    table = read_table(path, ("x", "y"), "displacement_mm,a_x_mm,a_y_mm,b_x_mm,b_y_mm,c_x_mm,c_y_mm")
     x = _dots(table)
+    if not len(x):
+        raise InputError(f"{table.file}: has no photographs, and a ratio needs 3 and one at rest; take some.")
     rest = np.zeros(len(x), dtype=bool)
     rest[0] = True
     moved = [i for i, (name, _) in enumerate(table.columns) if "displacement" in name or "extension" in name]
@@ -91,6 +93,10 @@ def shear_strain(record: Record) -> Array:
             raise InputError(
                 f"{record.file}: column {name} holds {y[name][bad[0]]:.4g}; give current length over first length."
             )
+    bad = np.flatnonzero((y["angle"] <= 0) | (y["angle"] >= np.pi))
+    if len(bad):
+        degrees = np.degrees(y["angle"][bad[0]])
+        raise InputError(f"{record.file}: column angle holds {degrees:.4g} degrees; give 0 to 180, and the right unit.")
     E12 = 0.5 * y["warp_stretch"] * y["weft_stretch"] * np.cos(y["angle"])
     seen = np.flatnonzero(np.isfinite(E12))
     if len(seen) < 6:
@@ -119,8 +125,10 @@ def _dots(table: Table) -> Array:
         raise InputError(
             f"{table.file}: has {len(found)} dots, and a strain needs 3; give columns such as a_x_mm, a_y_mm."
         )
-    pairs = [[table.si(pair[c], ("length", "pixels"))[1] for c in "xy"] for pair in found.values()]
-    return np.array(pairs).transpose(2, 0, 1)
+    read = [[table.si(pair[c], ("length", "pixels")) for c in "xy"] for pair in found.values()]
+    if len({kind for pair in read for kind, _ in pair}) > 1:
+        raise InputError(f"{table.file}: some dots are in pixels and some in a length; give all in one unit.")
+    return np.array([[values for _, values in pair] for pair in read]).transpose(2, 0, 1)
 
 
 def _strains(x: Array, X: Array) -> Array:

@@ -72,7 +72,7 @@ def read(path: str | Path, strip: Strip) -> Record:
     to the gauge length; time, if there; and for a bias test with marked yarns "warp_stretch", "weft_stretch" and
     "angle" between them. Other columns are left alone.
     """
-    table = read_table(path, ("force|load|stress", "|".join(WORDS["displacement"])))
+    table = read_table(path, ("force|load|stress", "|".join(WORDS["displacement"])), "time_s,displacement_mm,force_N")
     kind, force = _find(table, "force")
     force = force * {"force": 1.0, "force per width": strip.width, "stress": strip.area}[kind]
     kind, displacement = _find(table, "displacement")
@@ -136,6 +136,8 @@ def _find(table: Table, quantity: str, needed: bool = True) -> tuple[str, Array]
 def _plausible(table: Table, displacement: Array, force: Array, strip: Strip) -> None:
     """Refuse what a wrong unit or a wrong column would give."""
     reach, peak = displacement.max() / strip.gauge_length, force.max()
+    if not reach > 0:
+        raise InputError(f"{table.file}: the displacement never changes; check that its column is the machine's.")
     if not 1e-3 < reach < 3:
         raise InputError(
             f"{table.file}: the displacement reaches {1e3 * displacement.max():.4g} mm on a gauge length of "
@@ -143,7 +145,7 @@ def _plausible(table: Table, displacement: Array, force: Array, strip: Strip) ->
         )
     if not peak > 0:
         raise InputError(f"{table.file}: the force is zero throughout; check that its column is the load cell's.")
-    if not 1e2 < peak / strip.area < 1e11:
+    if not 1e2 < peak / strip.area < 1e10:
         raise InputError(
             f"{table.file}: the force reaches {peak:.4g} N, a stress of {peak / strip.area / 1e6:.3g} MPa; "
             "correct the unit of its column, or width and thickness."

@@ -41,31 +41,45 @@ class Table:
             raise InputError(f"{head} has the unknown unit {unit!r}; give one of {known}.")
         kind, factor = found
         if kind not in kinds:
-            raise InputError(f"{head} is a {name} in {unit}, a unit of {kind}; correct the name or the unit.")
+            raise InputError(f"{head} gives {name} in {unit}, a unit of {kind}; correct the name or the unit.")
         return kind, self.values[:, index] * factor
 
 
-def read_table(path: str | Path, recognise: Sequence[str]) -> Table:
-    """The columns below the first line in which every one of the words `recognise` (regular expressions) is met."""
+def read_table(path: str | Path, recognise: Sequence[str], example: str, columns: Sequence[str] = ()) -> Table:
+    """The columns below the first line in which every one of the words `recognise` (regular expressions) is met.
+
+    `example` is such a line, for the sentence that says that there is none. A file without one has the `columns`, if
+    they are given, from its first line of numbers on.
+    """
     file = Path(path).name
     try:
         raw = Path(path).read_bytes()
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror}); give the path of a CSV file.") from error
+    except ValueError as error:
+        raise InputError(f"{str(path)!r} is no path of a file ({error}); give that of a CSV file.") from error
+    if b"\0" in raw:
+        raise InputError(f"{file}: is no plain text; export the test as CSV (UTF-8).")
     try:
         text = raw.decode("utf-8-sig")
     except UnicodeDecodeError:
         text = raw.decode("latin-1")  # what most testing machines write
     lines = [(n, line) for n, line in enumerate(text.splitlines(), 1) if line.strip() and not line.startswith("#")]
     start = next((k for k, (_, line) in enumerate(lines) if _names_columns(line, recognise)), None)
+    if start is None and columns:
+        start = next((k for k, (_, line) in enumerate(lines) if _is_number(line.split(_mark(line))[0])), len(lines))
+        mark = _mark(lines[start][1]) if start < len(lines) else ","
+        lines.insert(start, (0, mark.join(columns)))
     if start is None:
-        wanted = " and ".join(f"'{word}'" for word in recognise)
-        raise InputError(
-            f"{file}: no line names its columns ({wanted}); add one, such as 'time_s,displacement_mm,force_N'."
-        )
+        wanted = " and one with ".join(" or ".join(words.replace("|", ", ").rsplit(", ", 1)) for words in recognise)
+        raise InputError(f"{file}: no line names its columns, one with {wanted}; add one, such as {example!r}.")
     mark = _mark(lines[start][1])
-    rows = list(csv.reader((line for _, line in lines[start:]), delimiter=mark, skipinitialspace=True))
-    headers, numbers = [cell.strip() for cell in rows[0]], [n for n, _ in lines[start:]]
+    numbers = [n for n, _ in lines[start:]]
+    try:
+        rows = [next(csv.reader([line], delimiter=mark, skipinitialspace=True)) for _, line in lines[start:]]
+    except csv.Error as error:
+        raise InputError(f"{file}: is no table of readings ({error}); export the test again.") from error
+    headers = [cell.strip() for cell in rows[0]]
     body, columns = 1, [units.split(h) for h in headers]
     if len(rows) > 1 and not any(_is_number(cell) for cell in rows[1]) and any(map(_unit, rows[1])):
         columns = [(name, unit or (_unit(cell) or None)) for (name, unit), cell in zip(columns, rows[1], strict=False)]
@@ -74,6 +88,11 @@ def read_table(path: str | Path, recognise: Sequence[str]) -> Table:
         raise InputError(f"{file}: line {numbers[1]} has fewer units than columns; give one for each.")
     values = np.full((len(rows) - body, len(headers)), np.nan)
     for i, (row, number) in enumerate(zip(rows[body:], numbers[body:], strict=True)):
+        if any(cell.strip() for cell in row[len(headers) :]):
+            raise InputError(
+                f"{file}: line {number} has more cells than there are columns; where numbers have decimal commas, "
+                "put semicolons between the columns."
+            )
         for j, cell in enumerate(row[: len(headers)]):
             if cell.strip().lower() in MISSING:
                 continue
@@ -81,10 +100,15 @@ def read_table(path: str | Path, recognise: Sequence[str]) -> Table:
                 values[i, j] = float(_dot(cell))
             except ValueError:
                 raise InputError(
-                    f"{file}: column {headers[j]!r} holds {cell!r} in line {number}, which is no number; "
+                    f"{file}: column {headers[j]!r} holds {shorten(cell)!r} in line {number}, which is no number; "
                     "correct it, or leave the cell empty."
                 ) from None
     return Table(file, columns, headers, values)
+
+
+def shorten(text: str) -> str:
+    """What of a cell a sentence shows."""
+    return text if len(text) <= 30 else f"{text[:27]}..."
 
 
 def _names_columns(line: str, recognise: Sequence[str]) -> bool:
