@@ -50,7 +50,7 @@ def one(path, out, shear, ends):
         found = net.shear(unmarked(found))
     for ending in "pdf", "png":
         report.write(found, out / f"report.{ending}")
-    for word in (*found.notes, "not determined:", *found.undetermined):
+    for word in (*found.notes, *found.fits, "not determined:", *found.undetermined):
         command.say(f"  {word}")
     try:
         return found, fabric_file.write(found, out)[1]

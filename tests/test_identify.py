@@ -371,6 +371,17 @@ def test_a_record_is_the_same_however_it_is_written(
     assert ("out of order" in said) == shuffled
 
 
+def test_a_file_that_names_no_columns_has_those_of_the_list(tmp_path):
+    """With a remark before its numbers or without, and units as they are given."""
+    d = np.linspace(0, 5, 30)
+    for remark, mark in ("", ","), ("Machine 7\n# raw\n", "\t"):
+        path = tmp_path / "bare.csv"
+        path.write_text(remark + "".join(f"{a:.4f}{mark}{3 * a:.4f}\n" for a in d))
+        record = records.read(path, STRIP, ["extension (mm)", "load (kN)"])
+        assert record.displacement == pytest.approx(d * 1e-3, abs=1e-7)
+        assert record.force == pytest.approx(3e3 * d, abs=0.1)
+
+
 GOOD = "time_s,displacement_mm,force_N\n" + "\n".join(f"{k},{k / 2},{k * k}" for k in range(20))
 
 
@@ -507,6 +518,7 @@ def test_the_list_of_tests_is_refused_in_one_sentence(tmp_path, found):
         ('weft = ["', 'welt = ["', "records.welt is not a known key; known is weft"),
         ('warp = ["warp_1.csv", "warp_2.csv", "warp_3.csv"]', 'warp = "warp_1.csv"', "is not a list of files"),
         ("[records]", "[[records", "is not TOML"),
+        ("[records]", 'columns = "force"\n[records]', "columns is not a list of names"),
         ('"warp_2.csv"', '"warp_1.csv"', "records.warp names 'warp_1.csv' twice"),
         ("[records]", "[assumed]\nnu12 = -1\n[records]", "nu12 = -1 is not zero or a positive number"),
     ):

@@ -118,7 +118,7 @@ def identify(tests: listing.Tests) -> Identified:
     for way in ("warp", "weft", "bias"):
         if way not in tests.records:
             continue
-        read = [records.read(path, tests.strip) for path in tests.records[way]]
+        read = [records.read(path, tests.strip, tests.columns) for path in tests.records[way]]
         parts = [branches.split(record) for record in read]
         read = [branches.balance(record, part.virgin) for record, part in zip(read, parts, strict=True)]
         axial = _curve(tests.strip, read, parts)

@@ -9,6 +9,7 @@ density_kg_per_m3 = 590
 gauge_length_mm = 76.2
 width_mm = 25.4
 source = "tested on ..."        # optional, as is all that follows but one record
+columns = ["displacement (mm)", "force (N)"]  # of records of force that do not name theirs
 
 [records]                       # files beside this one, one a specimen
 warp = ["warp_1.csv", "warp_2.csv"]
@@ -24,7 +25,7 @@ warp_unloading_MPa = 900        # and weft_..., shear_... (dS12/dE12)
 """
 
 import tomllib
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
@@ -50,6 +51,7 @@ class Tests:
     source: str
     records: dict[str, list[Path]]
     assumed: dict[str, float]
+    columns: list[str] = field(default_factory=list)
 
 
 def read(path: str | Path) -> Tests:
@@ -60,7 +62,7 @@ def read(path: str | Path) -> Tests:
         raise InputError(f"{path}: cannot be read ({error.strerror}); give the path of a list of tests.") from error
     except ValueError as error:
         raise InputError(f"{path}: is not TOML ({error}); correct it there.") from error
-    _expect(path, "", entries, (*TEXTS, *NUMBERS, "records"), ("source", "assumed"))
+    _expect(path, "", entries, (*TEXTS, *NUMBERS, "records"), ("source", "columns", "assumed"))
     for key in (*TEXTS, "source"):
         if not isinstance(entries.get(key, "-"), str) or not entries.get(key, "-").strip():
             raise InputError(f"{path}: {key} is not a text; write at least one word in double quotes.")
@@ -74,6 +76,11 @@ def read(path: str | Path) -> Tests:
         if twice is not None:
             raise InputError(f"{path}: records.{key} names {twice!r} twice; a file is one specimen, so leave one out.")
         records[key] = [Path(path).parent / name for name in names]
+    columns = entries.get("columns", [])
+    if not isinstance(columns, list) or not all(
+        isinstance(name, str) and not set(name) & set(",;\t") for name in columns
+    ):
+        raise InputError(f'{path}: columns is not a list of names; write ["displacement (mm)", "force (N)"], say.')
     if not any(key in records for key in ("warp", "weft", "bias")):
         raise InputError(f"{path}: records names no tensile test; add warp, weft or bias.")
     assumed = _table(path, "assumed", entries) if "assumed" in entries else {}
@@ -86,6 +93,7 @@ def read(path: str | Path) -> Tests:
         entries.get("source", "not said"),
         records,
         {key: _number(path, f"assumed.{key}", value, zero=key in RATIOS) for key, value in assumed.items()},
+        columns,
     )
 
 

@@ -5,6 +5,7 @@ semicolons, tabs and decimal commas, readings that are missing, times out of ord
 reversed sign, a displacement that does not begin at zero. Anything else is refused in one sentence (`InputError`).
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -64,15 +65,16 @@ class Record:
     notes: tuple[str, ...] = ()
 
 
-def read(path: str | Path, strip: Strip) -> Record:
+def read(path: str | Path, strip: Strip, columns: Sequence[str] = ()) -> Record:
     """A tensile test from a CSV file.
 
     Columns, by a word in their names: force or load, in a unit of force, of force per width, or of nominal stress
     (force over the first cross-section); displacement, extension, elongation ..., in a unit of length or relative
     to the gauge length; time, if there; and for a bias test with marked yarns "warp_stretch", "weft_stretch" and
-    "angle" between them. Other columns are left alone.
+    "angle" between them. Other columns are left alone. A file that names no columns has those of `columns`.
     """
-    table = read_table(path, ("force|load|stress", "|".join(WORDS["displacement"])), "time_s,displacement_mm,force_N")
+    wanted = "force|load|stress", "|".join(WORDS["displacement"])
+    table = read_table(path, wanted, "time_s,displacement_mm,force_N", columns)
     kind, force = _find(table, "force")
     force = force * {"force": 1.0, "force per width": strip.width, "stress": strip.area}[kind]
     kind, displacement = _find(table, "displacement")

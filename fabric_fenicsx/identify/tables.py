@@ -72,7 +72,10 @@ def read_table(path: str | Path, recognise: Sequence[str], example: str, columns
         lines.insert(start, (0, mark.join(columns)))
     if start is None:
         wanted = " and one with ".join(" or ".join(words.replace("|", ", ").rsplit(", ", 1)) for words in recognise)
-        raise InputError(f"{file}: no line names its columns, one with {wanted}; add one, such as {example!r}.")
+        raise InputError(
+            f"{file}: no line names its columns, one with {wanted}; add one, such as "
+            f"{example!r}, or give the columns of all files in the list of tests."
+        )
     mark = _mark(lines[start][1])
     numbers = [n for n, _ in lines[start:]]
     try:
