@@ -6,7 +6,7 @@ import numpy as np
 from mpi4py import MPI
 from dolfinx import fem
 
-from . import pictures
+from . import pictures, system
 from .errors import InputError
 from .laws import Array
 
@@ -95,9 +95,9 @@ class Series:
         self, path: Path, colour: str = "yarn", view: tuple[float, float, float] | None = None, most: int = 50
     ) -> None:
         """Draw at most so many frames with one scale and one camera, and put them together into a .gif or .mp4."""
-        if (fault := pictures.can_draw()) is not None:
+        if (fault := system.can_draw()) is not None:
             raise InputError(fault)
-        numbers = range(0, len(self.times), max(1, len(self.times) // most))
+        numbers = range(0, len(self.times), -(-len(self.times) // most))
         shapes = [self.shape(number, colour) for number in numbers]
         places = np.concatenate([shape.points + shape.moved for shape in shapes])
         box = tuple(np.column_stack([places.min(axis=0), places.max(axis=0)]).ravel())

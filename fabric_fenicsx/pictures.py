@@ -1,4 +1,4 @@
-"""Pictures of a sheet, all of one look, and the colours of fabrics in plots.
+"""Pictures of a sheet, all of one look.
 
 Undeformed outline in black, the deformed sheet coloured by one value a cell, and at a few places an arrow along the
 warp (red, long) and one along the weft (black, short), on the side of the eye.
@@ -13,43 +13,8 @@ from typing import Any
 import numpy as np
 from dolfinx import fem, plot
 
-from .fabrics import Fabric
 from .laws import Array
-from .system import can_draw as can_draw
-
-FABRICS = {
-    "blend": {"color": "#0072b2", "linestyle": "-", "marker": "o"},
-    "duck": {"color": "#d55e00", "linestyle": "--", "marker": "s"},
-    "muslin": {"color": "#56b4e9", "linestyle": "-.", "marker": "^"},
-    "denim": {"color": "#1a1a1a", "linestyle": ":", "marker": "D"},
-}
-"""How each fabric of the package is drawn in every plot: colours that the colour-blind tell apart (Okabe and Ito), and
-lines that are told apart in black and white."""
-_OTHERS = ("#009e73", "#cc79a7", "#e69f00", "#7f7f7f")
-
-
-def style(name: str) -> dict[str, Any]:
-    """Keywords of matplotlib's `plot` for a fabric, by its name; one of your own has always the same, too."""
-    other = {"color": _OTHERS[sum(name.encode()) % len(_OTHERS)], "linestyle": "-", "marker": "v"}
-    return dict(FABRICS.get(name, other))
-
-
-def compare(fabrics: Sequence[Fabric], path: str | Path) -> None:
-    """Stress of first loading against strain of several fabrics: a panel each for warp, weft and shear."""
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(10.5, 4.2), layout="constrained")
-    symbols = (("E_{11}", "S_{11}"), ("E_{22}", "S_{22}"), (r"\gamma = 2E_{12}", "S_{12}"))
-    for axes, way, (strain, stress) in zip(figure.subplots(1, 3), ("warp", "weft", "shear"), symbols, strict=True):
-        for fabric in fabrics:
-            curve = getattr(fabric, way)
-            E = np.linspace(0.0, curve.limit, 101)
-            axes.plot(E, curve.stress(E) / 1e6, label=fabric.name, markevery=20, ms=4, **style(fabric.name))
-        axes.set(title=way, xlabel=f"strain ${strain}$ (-)", ylabel=f"stress ${stress}$ (MPa)")
-        axes.set(xlim=(0.0, None), ylim=(0.0, None))
-        axes.grid(color="0.9")
-    figure.legend(*figure.axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=4, frameon=False)
-    figure.savefig(path, dpi=150)
+from .system import can_draw
 
 
 def film(path: Path, frames: Sequence[Path], seconds: float) -> None:

@@ -127,6 +127,28 @@ def test_identify(command, tmp_path):
     assert again.warp.stress(0.1) == pytest.approx(known.warp.stress(0.1), rel=0.01)
 
 
+def test_identify_ones_own_records(command, tmp_path):
+    """Records in other units; and a bias test alone, of which a report comes and no fabric."""
+    known = fabrics.load("muslin")
+    tests = synthetic.write(known, tmp_path / "records", 2, 0.02, 1)
+    command("identify", tests, "--out", tmp_path / "before")
+    for path in tests.parent.glob("warp_?.csv"):
+        word, _, *rows = path.read_text().splitlines()
+        rows = [[float(cell) for cell in row.split(",")] for row in rows]
+        lines = [f"{t:.9g};{d / 25.4:.9g};{-f / 4.4482216152605:.9g}".replace(".", ",") for t, d, f in reversed(rows)]
+        path.write_text("\n".join([word, "Time;Extension;Load", "(s);(in);(lbf)", *lines]))
+    status, said, _ = command("identify", tests, "--out", tmp_path / "own")
+    assert status == 0 and "sorted" in said and "sign is turned" in said and "--fabric" in said
+    again, before = (fabrics.load(tmp_path / name / "fabric.toml") for name in ("own", "before"))
+    assert np.allclose(again.warp.modulus, before.warp.modulus, rtol=1e-4)
+    bias = tests.with_name("bias.toml")
+    bias.write_text(tests.read_text().split("[records]")[0] + '[records]\nbias = ["bias_1.csv"]\n')
+    status, said, complaint = command("identify", bias, "--shear", "net", "--out", tmp_path / "net")
+    assert status == 2 and "not determined" in said and "under [assumed]" in complaint
+    assert not (tmp_path / "net" / "fabric.toml").exists()
+    look(tmp_path / "net" / "report.png")
+
+
 def test_run_and_view(command, tmp_path):
     """Clamped ends, and what a cycle must do; the same on two ranks."""
     path = scene(tmp_path, STATIC)
@@ -250,11 +272,13 @@ def test_a_scene_that_cannot_be_is_refused_in_a_sentence(command, tmp_path, old,
         ("fabrics show tweed", 2, "'tweed' is no known fabric"),
         ("fabrics plot blend --out nowhere/a.png", 2, "cannot be written"),
         ("identify nowhere.toml", 2, "cannot be read"),
+        ("identify {broken}", 2, "is not TOML"),
         ("view nowhere", 2, "holds no frames"),
         ("view . --view 1,2", 2, "1,2 is not of the form"),
     ],
 )
-def test_bad_input_is_answered_in_a_sentence(command, words, status, reason):
+def test_bad_input_is_answered_in_a_sentence(command, tmp_path, words, status, reason):
+    words = words.format(broken=scene(tmp_path, "[mesh"))
     found, _, complaint = command(*words.split())
     assert found == status and reason in complaint and "Traceback" not in complaint
     if "Usage" not in complaint:
