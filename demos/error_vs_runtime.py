@@ -132,8 +132,6 @@ def cheapest(rows, own):
 
 def plot(path, studied):
     """Error against seconds, a panel a case."""
-    from matplotlib.ticker import LogLocator, NullFormatter
-
     columns = min(3, len(studied))
     figure, panels = plots.panels(columns, -(-len(studied) // columns), 5.2, 4.4)
     for axes in panels[len(studied) :]:
@@ -151,9 +149,7 @@ def plot(path, studied):
         axes.axhspan(1e-9, 100 * own, color="0.9", zorder=-1)
         smallest = min([100 * own, *(100 * r["error"] for r in rows if r["error"] > 0)])
         plots.label(axes, case.title, "processor time (s)", "error (%)", ylim=(0.5 * smallest, None))
-        axes.xaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
-        axes.xaxis.set_major_formatter("{x:g}")
-        axes.xaxis.set_minor_formatter(NullFormatter())
+        plots.plain(axes.xaxis)
         axes.legend(fontsize=7)  # the groups are those of the case
     figure.suptitle("Error against run time; grey: below the error of the reference", size=11)
     figure.savefig(path, dpi=150)

@@ -28,8 +28,6 @@ from fabric_fenicsx.laws import named
 from fabric_fenicsx.laws.svk import StVenantKirchhoff
 
 SIDE = 2.0  # m
-VIEW = (1.0, -2.0, 1.2)
-"""From the sheet to the eye."""
 
 
 def law(args, fabric):
@@ -129,7 +127,7 @@ def play(scene, args, out, progress, watch=None):
     """
     sheet, run = scene.sheet, scene.run
     comm = run.comm
-    frames = args.animation and Frames(out / "frames", scene.name, "t = {:.3f} s", VIEW, comm)
+    frames = args.animation and Frames(out / "frames", scene.name, "t = {:.3f} s", comm=comm)
     if args.resume:
         checkpoint.load(args.resume, run, scene.settings)
         command.say(f"gone on from t = {run.time:g} s")
@@ -171,8 +169,8 @@ def play(scene, args, out, progress, watch=None):
     checkpoint.save(state, run, scene.settings)
     if comm.rank == 0:
         plot(out / "energy.png", table, scene)
-    title = f"{scene.name}, t = {run.time:g} s"
-    pictures.picture(out / "deformed.png", *shown(), title, VIEW, yarns=sheet.yarns())
+    title = f"{scene.name}, t = {run.time:.4g} s"
+    pictures.picture(out / "deformed.png", *shown(), title, yarns=sheet.yarns())
     if frames and comm.rank == 0:
         Series(out / "frames").animation(out / "animation.gif")
     return table

@@ -90,6 +90,7 @@ def plot(path, rows):
             said = f"{ranks} rank{'s' if ranks > 1 else ''}"
             axes.loglog([r["unknowns"] for r in own], [r[name] for r in own], label=said, **plots.series(k))
         plots.label(axes, "", "unknowns (-)", label)
+        plots.plain(axes.xaxis, axes.yaxis)
     plots.legend(figure, 4)
     figure.savefig(path, dpi=150)
 

@@ -23,7 +23,7 @@ import studies
 
 from fabric_fenicsx import command, plots, results
 
-COLOURS = {"works": "C2", "refused": "C0", "stopped": "C1", "inaccurate": "C4", "FAULT": "C3"}
+COLOURS = {"works": "#a6dcc6", "refused": "#56b4e9", "stopped": "#e69f00", "inaccurate": "#cc79a7", "FAULT": "#1a1a1a"}
 
 
 def as_wanted(wanted, verdict):

@@ -32,7 +32,14 @@ class Frames:
     title: of every picture, and `when` what follows it, as in "t = {:.4g} s". view: from the sheet to the eye.
     """
 
-    def __init__(self, folder: Path, title: str, when: str, view: tuple[float, float, float], comm: MPI.Comm) -> None:
+    def __init__(
+        self,
+        folder: Path,
+        title: str,
+        when: str,
+        view: tuple[float, float, float] = pictures.VIEW,
+        comm: MPI.Comm = MPI.COMM_WORLD,
+    ) -> None:
         about = {"title": title, "when": when, "view": view}
         self.folder, self._about, self._count = folder, {name: np.array(value) for name, value in about.items()}, 0
         if comm.rank == 0:

@@ -72,6 +72,16 @@ def label(axes: "Axes", title: str, x: str, y: str, **limits: Any) -> None:
     axes.set(**limits)
 
 
+def plain(*axes: Any) -> None:
+    """Plain numbers 1, 2, 5, 10 ... on logarithmic axes, such as `Axes.xaxis`."""
+    from matplotlib.ticker import LogLocator, NullFormatter
+
+    for axis in axes:
+        axis.set_major_locator(LogLocator(subs=(1, 2, 5)))
+        axis.set_major_formatter("{x:g}")
+        axis.set_minor_formatter(NullFormatter())
+
+
 def legend(figure: "Figure", columns: int = 3) -> None:
     """One legend below all panels, each label once; grey where panels give it different colours."""
     from matplotlib.lines import Line2D

@@ -63,6 +63,7 @@ from ..directors import ELEMENTS
 from ..entries import Table
 from ..frames import LABELS
 from ..laws.named import NAMES
+from ..pictures import VIEW
 
 AXES = ("x", "y", "z")
 LOADS = {
@@ -173,7 +174,7 @@ def read(path: str | Path) -> Scene:
     output = file.table("output") if "output" in file.entries else Table(file.file, "output.", {})
     output.expect("", "colour view animation")
     element = sheet.choice("element", tuple(ELEMENTS)) if "element" in sheet.entries else None
-    view = output.numbers("view", 3) if "view" in output.entries else (1.0, -2.0, 1.2)
+    view = output.numbers("view", 3) if "view" in output.entries else VIEW
     if not any(view):
         output.refuse("view", "is no direction", "write it as [1, -2, 1.2]")
     return Scene(
