@@ -33,7 +33,9 @@ G = 9.81
 def scene(args, comm=MPI.COMM_WORLD):
     """The sheet, held and loaded, ready to fall."""
     if not 0 <= args.patch < moving.SIDE / 2:
-        raise InputError(f"--patch {args.patch:g} is not from 0 (points) to less than half the side, {moving.SIDE / 2:g} m.")
+        raise InputError(
+            f"--patch {args.patch:g} is not from 0 (points) to less than half the side, {moving.SIDE / 2:g} m."
+        )
     cloth, areal_mass = moving.square(MESH, args, args.patch or moving.SIDE / args.cells, comm)
     weight = cloth.weight(areal_mass, ufl.as_vector((0.0, 0.0, -G)))
     bcs = supports.hinge(cloth.domain, cloth.space, "corner_patches" if args.patch else "corners")
@@ -48,11 +50,15 @@ def history(path):
     try:
         with open(path, newline="") as file:
             rows = list(csv.DictReader(file))
-        return tuple(np.array([float(row[name]) for row in rows]) for name in ("time_s", "center_z_m"))
+        return tuple(np.array([float(row[name]) for row in rows or [{}]]) for name in ("time_s", "center_z_m"))
     except OSError as error:
-        raise InputError(f"--against {path} cannot be read ({error.strerror}); give the history.csv of a drape.") from None
+        raise InputError(
+            f"--against {path} cannot be read ({error.strerror}); give the history.csv of a drape."
+        ) from None
     except (KeyError, ValueError, TypeError):
-        raise InputError(f"--against {path} has no columns time_s and center_z_m; give the history.csv of a drape.") from None
+        raise InputError(
+            f"--against {path} has no columns time_s and center_z_m; give the history.csv of a drape."
+        ) from None
 
 
 def apart(one, other):

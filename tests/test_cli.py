@@ -249,6 +249,28 @@ at = "sheet"
         ('kind = "grip"', 'kind = "lead"', "support[2].axis is missing"),
         ('at = "fixed_end"', 'at = "left"', "no physical group 'left'"),
         ("nx = 6", "nz = 6", "does not let nz be set"),
+        ("nx = 6", "nx = 0", "nx and ny must be at least 1"),
+        ("nx = 6", "length = -1", "length and width positive"),
+        ('fabric = "blend"', 'fabric = "blend"\nwarp = [0, 0, 0]', "sheet.warp = [0, 0, 0] is no direction"),
+        ('fabric = "blend"', 'fabric = "blend"\nwarp = {}', "sheet.warp = {} names no group"),
+        (
+            'fabric = "blend"',
+            'fabric = "blend"\nwarp = { sheet = [0, 0, 0] }',
+            "sheet.warp.sheet = [0, 0, 0] is no direc",
+        ),
+        ('at = "pulled_end"\nkind', 'at = "fixed_end"\nkind', "support[2].at = 'fixed_end' is held along x already"),
+        (
+            "[[probe]]",
+            '[[support]]\nat = "pulled_end"\nkind = "lead"\naxis = "z"\nshift_m = 1\n[[probe]]',
+            "along z already",
+        ),
+        (
+            "[[probe]]",
+            '[[probe]]\nname = "end"\nat = "pin"\naxis = "x"\n[[probe]]',
+            "probe[2].name = 'end' names another",
+        ),
+        ("steps = 2", "smallest = 7", "statics.smallest = 7 is more than a whole step"),
+        ('axis = "x"', "axis = 0", "probe[1].axis = 0 is not known; known are x, y, z"),
         ("strip.geo", "stripe.geo", "There is no mesh file"),
         ("steps = 2", "steps = 0", "statics.steps = 0 is not a whole number of at least 1"),
         ("[statics]", "[dynamics]\nend_s = 1\n[statics]", "keep [statics] or [dynamics]"),
@@ -275,10 +297,14 @@ def test_a_scene_that_cannot_be_is_refused_in_a_sentence(command, tmp_path, old,
         ("identify {broken}", 2, "is not TOML"),
         ("view nowhere", 2, "holds no frames"),
         ("view . --view 1,2", 2, "1,2 is not of the form"),
+        ("view . --view 0,0,0", 2, "0,0,0 is no direction"),
+        ("view . --view nan,0,1", 2, "nan,0,1 is no direction"),
+        ("run {static} --resume {broken}", 2, "goes on with a motion"),
     ],
 )
 def test_bad_input_is_answered_in_a_sentence(command, tmp_path, words, status, reason):
-    words = words.format(broken=scene(tmp_path, "[mesh"))
+    static, broken = scene(tmp_path, STATIC).rename(tmp_path / "static.toml"), scene(tmp_path, "[mesh")
+    words = words.format(broken=broken, static=static)
     found, _, complaint = command(*words.split())
     assert found == status and reason in complaint and "Traceback" not in complaint
     if "Usage" not in complaint:

@@ -23,7 +23,9 @@ def run(scene: Scene, out: Path, progress: bool = True, resume: Path | None = No
     animation.gif where the scene asks for it. Raises InputError and StepFailed, on every rank.
     """
     if resume and not scene.dynamic:
-        raise InputError(f"--resume {str(resume)!r} goes on with a motion, and {scene.file} has [statics]; leave it out.")
+        raise InputError(
+            f"--resume {str(resume)!r} goes on with a motion, and {scene.file} has [statics]; leave it out."
+        )
     built = build(scene)
     cloth, comm = built.cloth, built.cloth.domain.mesh.comm
     steps, solver, ledger, motion = _start(built, progress)
