@@ -7,6 +7,8 @@ For completion by the shell, put `eval "$(_FABRIC_FENICSX_COMPLETE=bash_source f
 import math
 import os
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import click
@@ -35,6 +37,18 @@ def fabric_names(context: click.Context, parameter: click.Parameter, incomplete:
     from . import fabrics
 
     return [name for name in fabrics.names() if name.startswith(incomplete)]
+
+
+@contextmanager
+def drawn_to(path: Path) -> Iterator[None]:
+    """What cannot be written, or has an ending that is no picture's, is the user's fault."""
+    try:
+        yield
+    except (OSError, ValueError, ImportError) as error:
+        reason = str(error).splitlines()[0].rstrip(".")
+        raise InputError(
+            f"The picture {str(path)!r} cannot be written ({reason}); choose another with --out."
+        ) from error
 
 
 @app.group("fabrics")
@@ -86,13 +100,11 @@ def fabrics_plot(names: tuple[str, ...], out: Path) -> None:
     from . import fabrics
 
     chosen = [fabrics.load(name) for name in names or fabrics.names()]
-    try:
+    with drawn_to(out):
         if len(chosen) == 1:
             chosen[0].plot(out)
         else:
             fabrics.compare(chosen, out)
-    except (OSError, ValueError) as error:
-        raise InputError(f"The picture {str(out)!r} cannot be written ({error}); choose another with --out.") from error
     click.echo(f"see {out}")
 
 
@@ -165,12 +177,12 @@ def view(results_folder: Path, frame: int, colour: str, eye: tuple[float, float,
         raise InputError(fault)
     if not -len(series.times) <= frame < len(series.times):
         raise InputError(f"--frame {frame}: the run has the frames 0 to {len(series.times) - 1}.")
-    if animation:
-        out = out or results_folder / "animation.gif"
-        series.animation(out, colour, eye)
-    else:
-        out = out or results_folder / "view.png"
-        series.picture(out, frame, colour, eye)
+    out = out or results_folder / ("animation.gif" if animation else "view.png")
+    with drawn_to(out):
+        if animation:
+            series.animation(out, colour, eye)
+        else:
+            series.picture(out, frame, colour, eye)
     click.echo(f"see {out}")
 
 

@@ -70,11 +70,11 @@ class Series:
         try:
             self._mesh = dict(np.load(folder / "mesh.npz"))
             self.times = [float(np.load(file)["time"]) for file in self._files]
+            x, y, z = map(float, self._mesh["view"])
         except (OSError, KeyError, ValueError) as error:
             raise InputError(
                 f"{str(folder)!r} holds no frames; give the output folder of 'fabric-fenicsx run'."
             ) from error
-        x, y, z = map(float, self._mesh["view"])
         self.view = (x, y, z)
 
     def shape(self, number: int, colour: str) -> pictures.Shape:

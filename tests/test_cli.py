@@ -92,6 +92,18 @@ def scene(folder, text):
     return path
 
 
+def one_frame(folder):
+    """What a run of a single cell leaves behind for `view`."""
+    frames = folder / "frames"
+    frames.mkdir()
+    square = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], dtype=float)
+    mesh = {"dim": 3, "cells": [4, 0, 1, 2, 3], "kinds": [9], "points": square, "view": (1.0, -2.0, 1.2)}
+    np.savez(frames / "mesh.npz", **mesh, title="a cell", when="load {:g}")
+    yarns = np.eye(3)[None, :2]
+    np.savez(frames / "000000.npz", moved=0.1 * square, strain=[[0.1, 0.1, 0.0]], yarns=yarns, time=1.0)
+    return folder
+
+
 # --- what each verb does
 
 
@@ -297,6 +309,10 @@ def test_a_scene_that_cannot_be_is_refused_in_a_sentence(command, tmp_path, old,
         ("identify {broken}", 2, "is not TOML"),
         ("view nowhere", 2, "holds no frames"),
         ("view . --view 1,2", 2, "1,2 is not of the form"),
+        ("view {run} --out nowhere/a.png", 2, "'nowhere/a.png' cannot be written"),
+        ("view {run} --out a.xyz", 2, "'a.xyz' cannot be written"),
+        ("view {run} --animation --out nowhere/a.gif", 2, "'nowhere/a.gif' cannot be written"),
+        ("view {run} --frame 7", 2, "the run has the frames 0 to 0"),
         ("view . --view 0,0,0", 2, "0,0,0 is no direction"),
         ("view . --view nan,0,1", 2, "nan,0,1 is no direction"),
         ("run {static} --resume {broken}", 2, "goes on with a motion"),
@@ -304,7 +320,7 @@ def test_a_scene_that_cannot_be_is_refused_in_a_sentence(command, tmp_path, old,
 )
 def test_bad_input_is_answered_in_a_sentence(command, tmp_path, words, status, reason):
     static, broken = scene(tmp_path, STATIC).rename(tmp_path / "static.toml"), scene(tmp_path, "[mesh")
-    words = words.format(broken=broken, static=static)
+    words = words.format(broken=broken, static=static, run=one_frame(tmp_path))
     found, _, complaint = command(*words.split())
     assert found == status and reason in complaint and "Traceback" not in complaint
     if "Usage" not in complaint:
