@@ -15,15 +15,24 @@ import numpy as np
 import ufl
 from dolfinx import fem
 
-from fabric_fenicsx import command, fabrics, frame, hook, kinematics, meshing, results, statics, weakform
+from fabric_fenicsx import (
+    command,
+    fabrics,
+    frame,
+    hook,
+    kinematics,
+    meshing,
+    pictures,
+    plots,
+    results,
+    statics,
+    weakform,
+)
 from fabric_fenicsx.errors import InputError, StepFailed
-from fabric_fenicsx.laws import driver
-from fabric_fenicsx.laws.printed import Printed
-from fabric_fenicsx.laws.woven import Woven
+from fabric_fenicsx.laws import driver, named
 
 MESH = Path(__file__).parent.parent / "meshes" / "square.geo"
 SIDE = 0.254  # m
-LAWS = {"continuous": Woven, "printed": Printed}
 
 
 def run(fabric, law, steps=20, displacement=0.03, out=None, cells=4, mesh=MESH, comm=MPI.COMM_WORLD):
@@ -31,7 +40,8 @@ def run(fabric, law, steps=20, displacement=0.03, out=None, cells=4, mesh=MESH, 
     domain = meshing.read(mesh, comm, gdim=2, **({"side": SIDE, "n": cells} if mesh == MESH else {}))
     V = fem.functionspace(domain.mesh, ("Lagrange", 1, (2,)))
     u, v = fem.Function(V), ufl.TestFunction(V)
-    strain = kinematics.membrane_strain(u, frame.plane_axes(domain.mesh, 0.0))
+    axes = frame.plane_axes(domain.mesh, 0.0)
+    strain, yarns = kinematics.membrane_strain(u, axes), frame.Yarns(domain.mesh, u, axes)
     sheet = hook.LawHook(law, strain, domain.mesh, degree=2)
     residual = weakform.internal(sheet.stress, strain, u, v, fabric.thickness, sheet.dx)
 
@@ -85,7 +95,7 @@ def run(fabric, law, steps=20, displacement=0.03, out=None, cells=4, mesh=MESH, 
                     fields.write(step.number, warp_strain_E11=E11)
                     if step.number == steps:
                         title = f"{fabric.name}, 1:1 biaxial, {step.load * 1e3:g} mm"
-                        results.picture(out / "deformed.png", u, E11, "warp strain E11", title)
+                        pictures.picture(out / "deformed.png", u, E11, "warp strain E11 (-)", title, yarns=yarns())
                 if step.number > steps and max(force["right"], force["top"]) <= 0.0:
                     break
         except StepFailed as error:
@@ -106,21 +116,19 @@ def end_of_force(table, name, steps):
 
 def plot(path, runs):
     """Warp and weft stress against strain of some (fabric, table), next to the fitted curves of Table 7.1."""
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(5.5 * len(runs) + 0.5, 4.8), layout="constrained")
-    for axes, (fabric, table) in zip(figure.subplots(1, len(runs), squeeze=False).flat, runs, strict=True):
+    figure, panels = plots.panels(len(runs), width=5.0, height=4.4)
+    for axes, (fabric, table) in zip(panels, runs, strict=True):
         strain = np.insert(table.column("axial_strain"), 0, 0.0)
         smooth = np.linspace(0.0, strain.max(), 100)
-        for yarn, name, color in ("warp", "axial", "C0"), ("weft", "transverse", "C3"):
+        for yarn, name, marker in ("warp", "axial", "."), ("weft", "transverse", "x"):
+            look = plots.style(fabric.name, yarn) | {"marker": marker, "ms": 4}
             stress = np.insert(table.column(f"{name}_stress_MPa"), 0, 0.0)
-            axes.plot(strain, stress, ".-", color=color, label=f"{yarn}, 1:1 biaxial strain")
+            axes.plot(strain, stress, label=f"{yarn}, 1:1 biaxial strain", **look)
             fitted = getattr(fabric, yarn).stress(smooth) / 1e6
-            axes.plot(smooth, fitted, "--", color=color, label=f"{yarn}, uniaxial stress (Table 7.1)")
+            axes.plot(smooth, fitted, label="uniaxial stress, Table 7.1", **plots.FITTED)
         axes.axhline(0.0, color="0.6", lw=0.8, zorder=0)
-        axes.set(title=fabric.name, xlabel="Green-Lagrange strain $E_{11} = E_{22}$", ylabel="stress S, MPa")
-        axes.grid(alpha=0.3)
-    figure.legend(*axes.get_legend_handles_labels(), loc="outside lower center", ncols=2, fontsize=9)
+        plots.label(axes, fabric.name, "Green-Lagrange strain $E_{11} = E_{22}$ (-)", "stress S (MPa)")
+    plots.legend(figure)
     figure.savefig(path, dpi=150)
 
 
@@ -129,7 +137,7 @@ def arguments():
     parser.add_argument(
         "--fabric", nargs="+", default=["blend", "denim"], help=f"of {', '.join(fabrics.names())}, or TOML files"
     )
-    parser.add_argument("--law", choices=LAWS, default="continuous")
+    parser.add_argument("--law", choices=named.MEASURED, default="continuous")
     parser.add_argument("--poisson", choices=["measured", "lowered"], default="measured")
     parser.add_argument("--displacement", type=command.number, default=30.0, help="extension of a side, mm")
     parser.add_argument("--cells", type=command.positive, default=4, help="cells along a side")
@@ -149,7 +157,7 @@ def main():
     for name in args.fabric:
         fabric = fabrics.load(name)
         folder = results.folder(out / Path(name).stem)
-        law = LAWS[args.law](fabric, args.poisson)
+        law = named.law(args.law, fabric, args.poisson)
         table, *errors, stopped = run(fabric, law, args.steps, args.displacement * 1e-3, folder, args.cells, args.mesh)
         top = table.rows[min(args.steps, len(table.rows)) - 1]
         warp, weft, E = top["axial_stress_MPa"], top["transverse_stress_MPa"], top["axial_strain"]

@@ -16,6 +16,7 @@ differ by at most 1 % of the largest sag.
 from mpi4py import MPI  # isort: skip  (first, as in every DOLFINx script: it loads the MPI library)
 
 import argparse
+import csv
 from pathlib import Path
 
 import moving
@@ -31,22 +32,33 @@ G = 9.81
 
 def scene(args, comm=MPI.COMM_WORLD):
     """The sheet, held and loaded, ready to fall."""
+    if not 0 <= args.patch < moving.SIDE / 2:
+        raise InputError(
+            f"--patch {args.patch:g} is not from 0 (points) to less than half the side, {moving.SIDE / 2:g} m."
+        )
     cloth, areal_mass = moving.square(MESH, args, args.patch or moving.SIDE / args.cells, comm)
     weight = cloth.weight(areal_mass, ufl.as_vector((0.0, 0.0, -G)))
     bcs = supports.hinge(cloth.domain, cloth.space, "corner_patches" if args.patch else "corners")
     run, ledger = moving.runner(args, cloth, areal_mass, bcs, weight)
     probes = {"center_z_m": moving.value_at(cloth, 2, "centre")}
     name, made_with = f"drape of {Path(args.fabric).stem}", moving.settings("drape", args, f"patch {args.patch}")
-    return moving.Scene(name, cloth, run, ledger, probes, moving.yarn_strain(cloth), "larger yarn strain", made_with)
+    return moving.Scene(name, cloth, run, ledger, probes, made_with)
 
 
 def history(path):
     """Times in s and heights of the centre in m of another run."""
     try:
-        table = np.genfromtxt(path, delimiter=",", names=True)
-        return table["time_s"], table["center_z_m"]
-    except (OSError, ValueError, IndexError) as error:
-        raise InputError(f"--against {path} is not the history.csv of a drape: {error}.") from None
+        with open(path, newline="") as file:
+            rows = list(csv.DictReader(file))
+        return tuple(np.array([float(row[name]) for row in rows or [{}]]) for name in ("time_s", "center_z_m"))
+    except OSError as error:
+        raise InputError(
+            f"--against {path} cannot be read ({error.strerror}); give the history.csv of a drape."
+        ) from None
+    except (KeyError, ValueError, TypeError):
+        raise InputError(
+            f"--against {path} has no columns time_s and center_z_m; give the history.csv of a drape."
+        ) from None
 
 
 def apart(one, other):

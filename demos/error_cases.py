@@ -17,13 +17,10 @@ import shell_model
 from mpi4py import MPI
 
 from fabric_fenicsx import continuation, fabrics, meshing, specimen, statics
-from fabric_fenicsx.laws import driver
-from fabric_fenicsx.laws.printed import Printed
-from fabric_fenicsx.laws.woven import Woven
+from fabric_fenicsx.laws import driver, named
 
 STRIP = Path(__file__).parent.parent / "meshes" / "strip.geo"
 BLEND = fabrics.load("blend")
-LAWS = {"continuous": Woven, "printed": Printed}
 
 
 @dataclass(frozen=True)
@@ -67,14 +64,14 @@ def each(name, values):
 def point(quick):
     base = {"law": "continuous", "steps": 40}
     counts = (5, 20) if quick else (2, 5, 10, 20, 40, 80, 160, 320)
-    settings = vary(base, *({"law": law, "steps": n} for law in LAWS for n in counts))
+    settings = vary(base, *({"law": law, "steps": n} for law in named.MEASURED for n in counts))
     finest = 640 if quick else 2560
     return Case("point", "Material point, uniaxial at 30° to the warp, half unloaded", "stress at both ends", base,
                 settings, base | {"steps": finest}, base | {"steps": finest // 2})  # fmt: skip
 
 
 def build_point(s, comm):
-    return LAWS[s["law"]](BLEND)
+    return named.law(s["law"], BLEND)
 
 
 def go_point(s, law):
@@ -106,7 +103,7 @@ def strip(quick):
 def build_strip(s, comm):
     n = s["cells"]
     domain = meshing.read(STRIP, comm, gdim=2, nx=3 * n, ny=n, length=BLEND.gauge_length, width=BLEND.width)
-    law = LAWS[s["law"]](BLEND)
+    law = named.law(s["law"], BLEND)
     scene = specimen.strip(domain, BLEND, law, np.radians(45.0), "clamped", s["degree"])
     scene.solver.rtol = s["rtol"]
     return scene

@@ -30,7 +30,7 @@ import error_cases
 import numpy as np
 import studies
 
-from fabric_fenicsx import command, results, system
+from fabric_fenicsx import command, plots, results, system
 from fabric_fenicsx.errors import InputError, StepFailed
 
 LEVELS = (0.1, 0.01, 0.001)
@@ -132,35 +132,26 @@ def cheapest(rows, own):
 
 def plot(path, studied):
     """Error against seconds, a panel a case."""
-    from matplotlib.figure import Figure
-    from matplotlib.ticker import LogLocator, NullFormatter
-
     columns = min(3, len(studied))
-    lines = -(-len(studied) // columns)
-    figure = Figure(figsize=(5.2 * columns, 4.2 * lines + 0.2), layout="constrained")
-    panels = figure.subplots(lines, columns, squeeze=False).flat
+    figure, panels = plots.panels(columns, -(-len(studied) // columns), 5.2, 4.4)
     for axes in panels[len(studied) :]:
         axes.set_axis_off()
     for axes, (rows, own, case) in zip(panels, studied, strict=False):
         rows = [row for row in rows if np.isfinite(row["error"])]
         for i, kind in enumerate(dict.fromkeys(row["group"] for row in rows)):
             part = [row for row in rows if row["group"] == kind]
-            axes.loglog([r["cpu_s"] for r in part], [100 * r["error"] for r in part], "os^vDPX"[i % 7], color=f"C{i}",
-                        label=kind, alpha=0.8)  # fmt: skip
+            look = plots.series(i) | {"linestyle": ""}
+            axes.loglog([r["cpu_s"] for r in part], [100 * r["error"] for r in part], label=kind, alpha=0.8, **look)
         base = [row for row in rows if row["base"]]
         axes.loglog([r["cpu_s"] for r in base], [100 * r["error"] for r in base], "k*", ms=11, mfc="none", label="base")
         best = sorted((r["cpu_s"], 100 * r["error"]) for r in rows if r["pareto"])
         axes.loglog(*zip(*best, strict=True), "k-", lw=1, drawstyle="steps-post", zorder=0, label="Pareto front")
         axes.axhspan(1e-9, 100 * own, color="0.9", zorder=-1)
         smallest = min([100 * own, *(100 * r["error"] for r in rows if r["error"] > 0)])
-        axes.set_title(case.title, fontsize=10)
-        axes.set(xlabel="processor time, s", ylabel="error, %", ylim=(0.5 * smallest, None))
-        axes.xaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
-        axes.xaxis.set_major_formatter("{x:g}")
-        axes.xaxis.set_minor_formatter(NullFormatter())
-        axes.grid(alpha=0.3)
-        axes.legend(fontsize=7)
-    figure.suptitle("Error against run time; grey: below the error of the reference", fontsize=11)
+        plots.label(axes, case.title, "processor time (s)", "error (%)", ylim=(0.5 * smallest, None))
+        plots.plain(axes.xaxis)
+        axes.legend(fontsize=7)  # the groups are those of the case
+    figure.suptitle("Error against run time; grey: below the error of the reference", size=11)
     figure.savefig(path, dpi=150)
 
 

@@ -16,6 +16,7 @@ from dolfinx import fem
 from scipy.special import j0, jn_zeros
 
 from fabric_fenicsx import command, results, sheet, supports
+from fabric_fenicsx.errors import InputError
 from fabric_fenicsx.laws.svk import StVenantKirchhoff
 
 MESH = Path(__file__).parent.parent / "meshes" / "strip.geo"
@@ -42,7 +43,7 @@ def scene(args, mode, comm=MPI.COMM_WORLD):
     probes = {"end_x_m": moving.value_at(strip, 0, "pulled_end")}
     name = f"strip in mode {mode}"
     settings = f"{name}, {args.cells} cells, {args.element}"
-    return moving.Scene(name, strip, run, ledger, probes, moving.yarn_strain(strip), "larger strain", settings)
+    return moving.Scene(name, strip, run, ledger, probes, settings)
 
 
 def deflect(strip, root):
@@ -83,7 +84,10 @@ def arguments():
     moving.add_common(parser, rho=1.0, rtol=1e-6)
     parser.add_argument("--out", type=Path, default=Path("out/hanging_strip"))
     parser.set_defaults(resume=None)
-    return command.parse(parser)
+    args = command.parse(parser)
+    if args.points < 8:
+        raise InputError(f"--points {args.points} are too few to see a swing; take at least 8 time steps a period.")
+    return args
 
 
 def main():

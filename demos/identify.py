@@ -1,21 +1,20 @@
-"""From test records to a fabric: a one-page report, and a TOML file for --fabric of every other script.
+"""From test records to a fabric and back: is a known fabric found again?
 
-With the list of your own tests (see `fabric_fenicsx.identify.listing`), it identifies that fabric. Without, it makes
-synthetic records of a known one, 2 % noise and three specimens of each test, identifies it again, and checks that the
-curves come back. Where nobody photographed the yarns of the bias test, --shear inverse finds the shear curve by which a
-simulated strip pulls like the measured one, and --shear net takes the strip for a net of inextensible yarns.
+`fabric-fenicsx identify tests.toml` identifies your own fabric. Here synthetic records are made of a known one, with
+2 % noise and three specimens of each test; it is identified again, and the curves must come back. As if nobody had
+photographed the yarns of the bias test, --shear inverse finds the shear curve by which a simulated strip pulls like the
+measured one, and --shear net takes the strip for a net of inextensible yarns.
 """
 
 import argparse
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 from mpi4py import MPI
 
-from fabric_fenicsx import command, fabrics, identify, results
+from fabric_fenicsx import command, fabrics, results
 from fabric_fenicsx.errors import InputError
-from fabric_fenicsx.identify import fabric_file, inverse, net, report, synthetic
+from fabric_fenicsx.identify import making, synthetic
 
 STRIP = Path(__file__).parent.parent / "meshes" / "strip.geo"
 ACCEPTED = {"warp_curve": 3.0, "weft_curve": 3.0, "shear_curve": 5.0, "nu12": 5.0, "nu21": 5.0}
@@ -35,42 +34,14 @@ def recovery(known, again):
     return miss | {key: 100 * (here / there - 1) for key, there, here in pairs}
 
 
-def unmarked(found):
-    """The same tests, as if nobody had photographed the yarns of the bias test."""
-    return replace(found, curves={way: found.curves[way] for way in found.curves if way != "shear"}, yarn_stretch=None)
-
-
-def one(path, out, shear, ends):
-    """Identify the fabric of a list of tests; write what can be written. The result, and the fabric or None."""
-    found = identify.identify(identify.read(path))
-    if shear == "inverse":
-        command.say("  looking for the shear curve on a simulated strip ...")
-        found = inverse.shear(unmarked(found), STRIP, ends=ends)
-    elif shear == "net":
-        found = net.shear(unmarked(found))
-    for ending in "pdf", "png":
-        report.write(found, out / f"report.{ending}")
-    for word in (*found.notes, *found.fits, "not determined:", *found.undetermined):
-        command.say(f"  {word}")
-    try:
-        return found, fabric_file.write(found, out)[1]
-    except InputError as error:
-        command.say(f"  no fabric.toml: {error}")
-        return found, None
-
-
 def arguments():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.ArgumentDefaultsHelpFormatter)
-    parser.add_argument(
-        "tests", type=Path, nargs="?", help="list of your tests, a TOML file; without it, synthetic ones"
-    )
-    parser.add_argument("--fabric", default="blend", help="for synthetic records: a fabric, a TOML file, or all")
+    parser.add_argument("--fabric", default="blend", help="a name, a TOML file, or all")
     parser.add_argument("--noise", type=command.number, default=2.0, help="%% of the largest value of each test")
     parser.add_argument("--specimens", type=command.positive, default=3, help="of each synthetic test")
     parser.add_argument("--seed", type=command.positive, default=2010)
-    parser.add_argument("--shear", choices=["photographs", "inverse", "net"], default="photographs")
-    parser.add_argument("--ends", choices=["clamped", "free"], help="of the simulated strip, may they contract? "
-                        "(if left out: clamped for your tests, free for synthetic ones)")  # fmt: skip
+    parser.add_argument("--shear", choices=making.SHEAR, default="photographs")
+    parser.add_argument("--ends", choices=["clamped", "free"], default="free", help="of the simulated strip")
     parser.add_argument("--out", type=Path, default=Path("out/identify"))
     return command.parse(parser)
 
@@ -80,10 +51,6 @@ def main():
     if MPI.COMM_WORLD.rank > 0:  # nothing here is large enough to share
         return 0
     out = results.folder(args.out, MPI.COMM_SELF)
-    if args.tests:
-        _, fabric = one(args.tests, out, args.shear, args.ends or "clamped")
-        command.say(f"see {out / 'report.pdf'}" + (f"; use it with --fabric {out / 'fabric.toml'}" if fabric else ""))
-        return 0
     if not 0 <= args.noise <= 20:
         raise InputError(f"--noise {args.noise:g} is no part of the largest value; give percent from 0 to 20.")
     right = True
@@ -94,7 +61,7 @@ def main():
         known = fabrics.load(name)
         folder = results.folder(out / Path(name).stem, MPI.COMM_SELF)
         tests = synthetic.write(known, folder / "synthetic_records", args.specimens, args.noise / 100, args.seed)
-        _, again = one(tests, folder, args.shear, args.ends or "free")
+        _, again = making.make(tests, folder, args.shear, STRIP, args.ends, command.say)
         miss = recovery(known, again)
         right = right and all(abs(miss[key]) <= accepted for key, accepted in ACCEPTED.items())
         command.say(f"{known.name:12s}" + "".join(f"{miss[key]:12.2f}" for key in ACCEPTED))

@@ -18,10 +18,12 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from tensile import LAWS, Case, run, strip
+import tensile
+from tensile import Case, run, strip
 
-from fabric_fenicsx import command, fabrics, results
+from fabric_fenicsx import command, fabrics, plots, results
 from fabric_fenicsx.hook import History
+from fabric_fenicsx.laws import named
 from fabric_fenicsx.laws.stability import acoustic
 
 STEPS = [10, 20, 40, 80, 160]
@@ -110,28 +112,23 @@ def write(path, rows):
 
 def plot(path, names, steps, errors):
     """Error of the printed law against the number of steps, a panel a fabric; errors: (case, % for each step)."""
-    from matplotlib.figure import Figure
-
-    down, across = (len(names) + 1) // 2, min(len(names), 2)
-    figure = Figure(figsize=(4.5 * across + 1.5, 3.6 * down + 0.8), layout="constrained")
-    panels = dict(zip(names, figure.subplots(down, across, squeeze=False, sharex=True, sharey=True).flat, strict=False))
-    legend = {}
+    across = min(len(names), 2)
+    figure, panels = plots.panels(across, -(-len(names) // across), 4.8, 3.8, sharex=True, sharey=True)
     for case, error in errors:
-        color = {0.0: "C0", 90.0: "C3"}.get(case.angle, "C2")
-        style = "o-" if case.ends == "clamped" else "s--"
-        (line,) = panels[case.fabric.name].loglog(steps, np.abs(error), style, color=color, ms=4)
+        look = plots.style(case.fabric.name, tensile.WAYS[case.angle]) | {"ms": 4}
+        look |= {"marker": "o"} if case.ends == "clamped" else {"marker": "s", "mfc": "white"}
         if np.isfinite(error).any():
-            legend[f"warp at {case.angle:g}°, {case.ends} ends"] = line
-    for name, axes in panels.items():
-        (legend["first order"],) = axes.loglog(steps, 50.0 / np.array(steps), ":", color="black", lw=1.2)
-        axes.set(title=name, xlabel="steps up to full load", ylabel="error of the peak stress, %")
+            label = f"warp at {case.angle:g}°, {case.ends} ends"
+            panels[names.index(case.fabric.name)].loglog(steps, np.abs(error), label=label, **look)
+    for name, axes in zip(names, panels, strict=False):
+        axes.loglog(steps, 50.0 / np.array(steps), label="first order", **plots.FITTED)
+        plots.label(axes, name, "steps up to full load (-)", "error of the peak stress (%)")
         axes.set_xticks(steps, map(str, steps))
         axes.set_yticks([0.1, 1, 10], ["0.1", "1", "10"])
         axes.minorticks_off()
         axes.label_outer()
-        axes.grid(alpha=0.3)
-    figure.suptitle("Error of the printed law against the continuous law")
-    figure.legend(legend.values(), legend, loc="outside lower center", ncols=across + 1, fontsize=9)
+    figure.suptitle("Error of the printed law against the continuous law", size=11)
+    plots.legend(figure, across + 1)
     figure.savefig(path, dpi=150)
 
 
@@ -167,7 +164,7 @@ def main():
     cycles, studies, right = [], [], True
     for case in cases:
         peaks = {}
-        for law in LAWS:
+        for law in named.MEASURED:
             case = replace(case, law=law)
             scene = strip(case, comm)
             row = cycle(case, scene, comm)

@@ -25,7 +25,7 @@ import numpy as np
 import studies
 from lean_model import DT, FEATURES, LENGTH, PLANE, PULL, QUICK, Built, by_hand
 
-from fabric_fenicsx import command, results
+from fabric_fenicsx import command, plots, results
 
 ALLOWED = 1.1
 
@@ -80,19 +80,14 @@ def row(feature, without, with_it):
 
 def plot(path, rows):
     """Newton iteration and compile time of every feature, with and without."""
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(10, 0.35 * len(rows) + 1.5), layout="constrained")
+    figure, panels = plots.panels(2, width=5.0, height=0.35 * len(rows) + 1.6, sharey=True)
     y = np.arange(len(rows))
-    for axes, name, label in zip(
-        figure.subplots(1, 2, sharey=True), ("ms", "compile_s"), ("Newton iteration, ms", "compiling, s"), strict=True
-    ):
-        axes.barh(y - 0.2, [r[name] for r in rows], 0.4, label="without", color="0.7")
-        axes.barh(y + 0.2, [r[f"{name}_with"] for r in rows], 0.4, label="with", color="C0")
-        axes.set(xlabel=f"{label} (processor time)", yticks=y, yticklabels=[r["feature"] for r in rows])
-        axes.grid(axis="x", alpha=0.3)
-        axes.legend(fontsize=8)
+    for axes, name, label in zip(panels, ("ms", "compile_s"), ("Newton iteration (ms)", "compiling (s)"), strict=True):
+        axes.barh(y - 0.2, [r[name] for r in rows], 0.4, label="without", color="0.75")
+        axes.barh(y + 0.2, [r[f"{name}_with"] for r in rows], 0.4, label="with", color="0.25")
+        plots.label(axes, "", f"{label}, processor time", "", yticks=y, yticklabels=[r["feature"] for r in rows])
     axes.invert_yaxis()
+    plots.legend(figure)
     figure.savefig(path, dpi=150)
 
 

@@ -17,7 +17,7 @@ import closed_loops
 import numpy as np
 from mpi4py import MPI
 
-from fabric_fenicsx import command, fabrics, results
+from fabric_fenicsx import command, fabrics, plots, results
 from fabric_fenicsx.laws import driver
 from fabric_fenicsx.laws.printed import Printed
 from fabric_fenicsx.laws.woven import RAMP, Woven
@@ -39,28 +39,26 @@ def ramp_error(fabric, ramp, steps=400):
 
 def plot(path, fabric, steps=40):
     """Uniaxial cycles of both laws, three panels."""
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(12, 4), layout="constrained")
+    figure, panels = plots.panels(3, height=3.8)
     for axes, (title, angle, limit) in zip(
-        figure.subplots(1, 3),
+        panels,
         (("warp", 0.0, fabric.warp.limit), ("weft", 90.0, fabric.weft.limit), ("bias", 45.0, 0.2)),
         strict=True,
     ):
-        for law, style in ((Printed(fabric), "x"), (Woven(fabric), "-")):
-            strains = np.radians(angle)
+        for law, look in (
+            (Printed(fabric), {"color": "0.4", "marker": "x", "linestyle": "", "ms": 4}),
+            (Woven(fabric), plots.style(fabric.name) | {"linestyle": "-", "marker": None}),
+        ):
+            label = "law as printed" if isinstance(law, Printed) else "continuous law"
             try:
-                path_of = driver.uniaxial(law, cycle(limit, steps)[: 2 * steps], angle=strains)
+                found = driver.uniaxial(law, cycle(limit, steps)[: 2 * steps], angle=np.radians(angle))
             except Exception as error:
-                axes.plot([], [], style, color="C3", label=f"{type(law).__name__}: stopped")
-                command.say(f"  {type(law).__name__} law, {title}: {str(error)[:110]}")
+                axes.plot([], [], label=f"{label}: stopped", **look)
+                command.say(f"  {label}, {title}: {str(error)[:110]}")
                 continue
-            color = "C3" if style == "x" else "C0"
-            axes.plot(path_of.strain[:, 0], path_of.stress[:, 0] / 1e6, style, color=color, label=type(law).__name__)
-        axes.set(title=f"{fabric.name}, uniaxial stress, {title}", xlabel="axial Green-Lagrange strain")
-        axes.set(ylabel="axial stress S, MPa")
-        axes.grid(alpha=0.3)
-        axes.legend()
+            axes.plot(found.strain[:, 0], found.stress[:, 0] / 1e6, label=label, **look)
+        plots.label(axes, f"{fabric.name}, {title}", "axial Green-Lagrange strain (-)", "axial stress S (MPa)")
+    plots.legend(figure)
     figure.savefig(path, dpi=150)
 
 

@@ -1,6 +1,4 @@
-"""What the demos in motion share: laws by name, a run that leaves its history, fields, pictures and energies."""
-
-from mpi4py import MPI  # isort: skip  (first, as in every DOLFINx script: it loads the MPI library)
+"""What the demos in motion share: arguments, and a run that leaves its history, fields, pictures and energies."""
 
 import argparse
 import contextlib
@@ -18,17 +16,18 @@ from fabric_fenicsx import (
     directors,
     fabrics,
     meshing,
+    pictures,
+    plots,
     results,
     sheet,
     supports,
 )
 from fabric_fenicsx.errors import InputError
-from fabric_fenicsx.laws.printed import Printed
+from fabric_fenicsx.frames import LABELS, Frames, Series, coloured
+from fabric_fenicsx.laws import named
 from fabric_fenicsx.laws.svk import StVenantKirchhoff
-from fabric_fenicsx.laws.woven import Woven
 
 SIDE = 2.0  # m
-LAWS = ("continuous", "printed", "svk")
 
 
 def law(args, fabric):
@@ -36,11 +35,7 @@ def law(args, fabric):
     if args.isotropic:
         E, nu = args.isotropic
         return StVenantKirchhoff.isotropic(E, nu), E / 2 / (1 + nu)
-    G = fabric.shear.modulus[0]
-    if args.law == "svk":
-        return StVenantKirchhoff.from_fabric(fabric, args.poisson), G
-    kind = {"continuous": Woven, "printed": Printed}[args.law]
-    return kind(fabric, args.poisson, shear_hysteresis=not args.no_shear_hysteresis), G
+    return named.law(args.law, fabric, args.poisson, not args.no_shear_hysteresis), fabric.shear.modulus[0]
 
 
 def read(mesh, element, comm, **numbers):
@@ -61,17 +56,16 @@ def square(mesh, args, a, comm):
 
 def pair(text):
     """Two numbers, as 8e6,0.25."""
-    try:
-        first, second = (command.number(part) for part in text.split(","))
-    except ValueError:
-        raise argparse.ArgumentTypeError(f"{text} is not of the form 8e6,0.25") from None
-    return first, second
+    parts = text.split(",")
+    if len(parts) != 2:
+        raise argparse.ArgumentTypeError(f"{text} is not of the form 8e6,0.25")
+    return command.number(parts[0]), command.number(parts[1])
 
 
 def add_arguments(parser, end, rho):
     """What every sheet in motion can be asked."""
     parser.add_argument("--fabric", default="blend", help="name, or a TOML file")
-    parser.add_argument("--law", choices=LAWS, default="continuous")
+    parser.add_argument("--law", choices=named.NAMES, default="continuous")
     parser.add_argument("--isotropic", type=pair, metavar="E,NU", help="linear elastic instead; Pa")
     parser.add_argument("--poisson", choices=["measured", "lowered"], default="measured")
     parser.add_argument("--no-shear-hysteresis", action="store_true")
@@ -115,37 +109,35 @@ def settings(scene, args, *more):
 
 @dataclass
 class Scene:
-    """A run in motion and what is asked of it. probes: column -> function; cell_value: local array to colour by."""
+    """A run in motion and what is asked of it. probes: column -> function."""
 
     name: str
     sheet: object
     run: object
     ledger: object
     probes: dict
-    cell_value: object
-    label: str
     settings: str
 
 
 def play(scene, args, out, progress, watch=None):
     """Run to the end: the table. What fails, or is interrupted, leaves a checkpoint in the folder.
 
-    `watch(row, u, value)` is called at the start and after every step, with the row of the table (at the start its time
-    alone), the displacement and the value to colour by.
+    `watch(row, *shown)` is called at the start and after every step, with the row of the table (at the start its time
+    alone), and the sheet as `pictures.picture` wants it.
     """
     sheet, run = scene.sheet, scene.run
     comm = run.comm
-    u, film = sheet.displacement(), []
+    frames = args.animation and Frames(out / "frames", scene.name, "t = {:.3f} s", comm=comm)
     if args.resume:
         checkpoint.load(args.resume, run, scene.settings)
         command.say(f"gone on from t = {run.time:g} s")
 
     def shown():
-        return sheet.displacement(), scene.cell_value()
+        return sheet.displacement(), coloured(sheet.cell_strain(), "yarn"), LABELS["yarn"]
 
     state, taken = out / "checkpoint.npz", run.ts.getStepNumber()
     with (
-        contextlib.closing(results.Fields(out / "fields.bp", u, ("value",))) as fields,
+        contextlib.closing(results.Fields(out / "fields.bp", sheet.displacement(), ("value",))) as fields,
         results.Table(out / "history.csv", comm) as table,
         checkpoint.guard(state, run, scene.settings),
     ):
@@ -167,71 +159,41 @@ def play(scene, args, out, progress, watch=None):
                 memory_MB=comm.allreduce(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss) / 1024,
             )
             taken = run.ts.getStepNumber()
-            u, value = shown()
-            fields.write(step.load, value=value)
+            now = shown()
+            fields.write(step.load, value=now[1])
             if watch:
-                watch(table.rows[-1], u, value)
-            if args.animation:
-                film.append((step.load, u.x.array.copy(), value.copy()))
+                watch(table.rows[-1], *now)
+            if frames:
+                frames.add(step.load, now[0], sheet.cell_strain()[:, :3], sheet.yarns())
             clock = time.process_time()
     checkpoint.save(state, run, scene.settings)
     if comm.rank == 0:
         plot(out / "energy.png", table, scene)
-    results.picture(out / "deformed.png", *shown(), scene.label, f"{scene.name}, t = {run.time:g} s")
-    if film:
-        animate(out, scene, u, film)
+    title = f"{scene.name}, t = {run.time:.4g} s"
+    pictures.picture(out / "deformed.png", *shown(), title, yarns=sheet.yarns())
+    if frames and comm.rank == 0:
+        Series(out / "frames").animation(out / "animation.gif")
     return table
-
-
-def animate(out, scene, u, film):
-    """Frames, with one scale and one camera, and the gif made of them."""
-    film = film[:: max(1, len(film) // 50)]
-    comm = scene.run.comm
-    folder = results.folder(out / "frames", comm)
-    lowest, highest = -np.inf * np.ones(4), -np.inf * np.ones(4)
-    x = u.function_space.tabulate_dof_coordinates()
-    for _, array, value in film:
-        # of the three coordinates and the value, on this rank; a rank may be without cells
-        places = x + array.reshape(-1, 3)
-        for sign, extreme in ((-1, lowest), (1, highest)):
-            here = [*(sign * places).max(axis=0, initial=-np.inf), (sign * value).max(initial=-np.inf)]
-            np.maximum(extreme, here, out=extreme)
-    low, high = (np.empty(4) for _ in range(2))
-    comm.Allreduce(lowest, low, MPI.MAX)
-    comm.Allreduce(highest, high, MPI.MAX)
-    box, limits = tuple(np.column_stack([-low, high])[:3].ravel()), (-low[3], high[3])
-    pictures = []
-    for number, (t, array, value) in enumerate(film):
-        u.x.array[:] = array
-        pictures.append(folder / f"{number:04d}.png")
-        title = f"{scene.name}, t = {t:.3f} s"
-        results.picture(pictures[-1], u, value, scene.label, title, limits=limits, box=box)
-    if comm.rank == 0 and pictures[-1].exists():
-        results.film(out / "animation.gif", pictures, seconds=5.0)
 
 
 def plot(path, table, scene):
     """Where the work is, over time, and the first probe."""
-    from matplotlib.figure import Figure
-
     t = table.column("time_s")
-    figure = Figure(figsize=(10, 4), layout="constrained")
-    left, right = figure.subplots(1, 2)
+    figure, (left, right) = plots.panels(2, width=5.0, height=3.8)
     kinds = {
         "kinetic_J": "kinetic", "recoverable_J": "recoverable", "dissipated_J": "dissipated by the law",
         "damped_J": "by damping", "scheme_J": "by the scheme",
     }  # fmt: skip
     kinds = {name: label for name, label in kinds.items() if np.abs(table.column(name)).max() > 0}
     parts = [np.maximum(table.column(name), 0.0) for name in kinds]
-    left.stackplot(t, parts, labels=kinds.values(), alpha=0.8)
+    left.stackplot(t, parts, labels=kinds.values(), colors=plots.shades(len(parts)))
     left.plot(t, table.column("external_work_J"), "k-", lw=1.5, label="external work")
-    left.set(xlabel="time, s", ylabel="energy, J", title=f"{scene.name}: where the work goes")
-    left.legend(fontsize=8)
+    plots.label(left, f"{scene.name}: where the work goes", "time (s)", "energy (J)")
     name = next(iter(scene.probes))
-    right.plot(t, table.column(name), "C0.-")
+    right.plot(t, table.column(name), "k.-", ms=3, lw=1)
     quantity, unit = name.rsplit("_", 1)
-    right.set(xlabel="time, s", ylabel=f"{quantity.replace('_', ' ')}, {unit}")
-    right.grid(alpha=0.3)
+    plots.label(right, "", "time (s)", f"{quantity.replace('_', ' ')} ({unit})")
+    plots.legend(figure, 6)
     figure.savefig(path, dpi=150)
 
 
@@ -266,8 +228,3 @@ def zeros(t, x):
     """Times at which a swinging x goes through zero, between two of its times by a straight line."""
     at = np.flatnonzero((x[:-1] > 0) != (x[1:] > 0))
     return t[at] + x[at] / (x[at] - x[at + 1]) * (t[at + 1] - t[at])
-
-
-def yarn_strain(sheet):
-    """A function that gives the larger of the mean warp and weft strain of each local cell."""
-    return lambda: sheet.cell_strain()[:, :2].max(axis=1)

@@ -16,7 +16,7 @@ from pathlib import Path
 
 import numpy as np
 
-from fabric_fenicsx import command, fabrics, meshing, results, specimen, statics
+from fabric_fenicsx import command, fabrics, meshing, pictures, results, specimen, statics
 from fabric_fenicsx.laws.woven import Woven
 
 STRIP = Path(__file__).parent.parent / "meshes" / "strip.geo"
@@ -79,7 +79,7 @@ def main():
     if comm.rank == 0:
         fabric.plot(out / "curves.png")
     strain = strip.hook.strain.mean(axis=1)[:, 0]
-    results.picture(out / "deformed.png", strip.u, strain, "warp strain E11", fabric.label)
+    pictures.picture(out / "deformed.png", strip.u, strain, "warp strain E11 (-)", fabric.label)
 
     E11, S11 = table.column("E11"), table.column("S11_Pa")
     miss = np.abs(S11 / (40e6 * E11 + 3000e6 * E11**2 / 2) - 1).max()

@@ -19,7 +19,7 @@ from pathlib import Path
 
 import numpy as np
 
-from fabric_fenicsx import command, meshing, results, sheet, statics, supports
+from fabric_fenicsx import command, meshing, pictures, results, sheet, statics, supports
 from fabric_fenicsx.laws import driver
 
 STRIP = Path(__file__).parent.parent / "meshes" / "strip.geo"
@@ -69,7 +69,7 @@ def main():
             table.row(displacement_m=step.load, force_N=solver.reaction(end))
             if step.number == 40:
                 u, strain, yarns = strip.displacement(), strip.cell_strain()[:, 0], strip.yarns()
-                results.picture(out / "deformed.png", u, strain, "warp strain E11", "at 8 %", yarns=yarns)
+                pictures.picture(out / "deformed.png", u, strain, "warp strain E11 (-)", "at 8 %", yarns=yarns)
 
     stretch = table.column("displacement_m") / LENGTH
     E = stretch + stretch**2 / 2

@@ -19,7 +19,7 @@ from mpi4py import MPI
 from dolfinx import fem
 from scipy.optimize import brentq
 
-from fabric_fenicsx import command, kinematics, meshing, results, sheet, statics, supports
+from fabric_fenicsx import command, kinematics, meshing, pictures, results, sheet, statics, supports
 from fabric_fenicsx.laws.svk import StVenantKirchhoff
 
 STRIP = Path(__file__).parent.parent / "meshes" / "strip.geo"
@@ -72,7 +72,7 @@ def main():
             wind_speed = STORM * (step.load - 1)
             table.row(wind_m_per_s=wind_speed, sag_m=sag, newton_iterations=step.newton_iterations)
     u, strain, yarns = sail.displacement(), sail.cell_strain()[:, 0], sail.yarns()
-    results.picture(out / "deformed.png", u, strain, "warp strain E11", f"wind {STORM:g} m/s", yarns=yarns)
+    pictures.picture(out / "deformed.png", u, strain, "warp strain E11 (-)", f"wind {STORM:g} m/s", yarns=yarns)
 
     expected = catenary()
     miss = abs(sag / expected - 1)

@@ -21,7 +21,7 @@ import numpy as np
 from dolfinx import fem
 from scipy.optimize import brentq
 
-from fabric_fenicsx import command, fabrics, meshing, results, sheet, statics, supports, weakform
+from fabric_fenicsx import command, fabrics, meshing, pictures, results, sheet, statics, supports, weakform
 from fabric_fenicsx.laws.svk import StVenantKirchhoff
 from fabric_fenicsx.laws.woven import Woven
 
@@ -58,7 +58,7 @@ def inflate(cloth, held, pressure, steps, picture, label):
     for _ in statics.march(solver, set_load, np.linspace(0, pressure, steps + 1)[1:], progress=label):
         pass
     u, strain = cloth.displacement(), cloth.cell_strain()[:, 1]
-    results.picture(picture, u, strain, "weft strain E22", label, yarns=cloth.yarns())
+    pictures.picture(picture, u, strain, "weft strain E22 (-)", label, yarns=cloth.yarns())
     return u
 
 

@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 from dolfinx import fem
 
-from fabric_fenicsx import command, meshing, results, sheet, statics, supports, weakform
+from fabric_fenicsx import command, meshing, pictures, results, sheet, statics, supports, weakform
 from fabric_fenicsx.laws.svk import StVenantKirchhoff
 
 STRIP = Path(__file__).parent.parent / "meshes" / "strip.geo"
@@ -61,7 +61,7 @@ def main():
     u = strip.displacement()
     dip = domain.mesh.comm.allreduce(u.x.array[2::3].min(initial=0.0), MPI.MIN)
     bend, yarns = strip.cell_strain()[:, 3], strip.yarns()
-    results.picture(out / "deformed.png", u, bend, "curvature K11, 1/m", "lifted edge", yarns=yarns)
+    pictures.picture(out / "deformed.png", u, bend, "curvature K11 (1/m)", "lifted edge", yarns=yarns)
 
     b = (FOUNDATION / (E * THICKNESS**3 / 3)) ** 0.25
     expected = PULL / (FOUNDATION / (2 * b) + SEAM)

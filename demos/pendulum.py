@@ -62,7 +62,7 @@ def scene(args, degrees=90.0, comm=MPI.COMM_WORLD):
         start = np.sin(angle) * SIDE, -np.cos(angle) * SIDE
         probes = {"angle_deg": lambda: np.degrees(np.arctan2(start[0] + across(), -start[1] - up()))}
     settings = f"{name}, {args.cells} cells, {args.element}"
-    return moving.Scene(name, plate, run, ledger, probes, moving.yarn_strain(plate), "larger strain", settings)
+    return moving.Scene(name, plate, run, ledger, probes, settings)
 
 
 def launch(moved, centre):

@@ -18,7 +18,7 @@ from pathlib import Path
 import moving
 import numpy as np
 
-from fabric_fenicsx import command, fabrics, results, supports
+from fabric_fenicsx import command, fabrics, plots, results, supports
 from fabric_fenicsx.errors import InputError
 
 MESH = Path(__file__).parent.parent / "meshes" / "drape.geo"
@@ -70,24 +70,20 @@ def scene(args, comm=MPI.COMM_WORLD):
             probes[f"{name}_{column}"] = lambda values=values, k=k: values()[k]
     name = f"poke of {Path(args.fabric).stem}" + (", St. Venant-Kirchhoff" if not cloth.hooks else "")
     made_with = moving.settings("poke", args, "at constant speed" if args.jerk else "smoothly")
-    return moving.Scene(name, cloth, run, ledger, probes, moving.yarn_strain(cloth), "larger yarn strain", made_with)
+    return moving.Scene(name, cloth, run, ledger, probes, made_with)
 
 
 def plot(path, table, fabric):
     """Stress against strain along the yarn of each of the two elements, with the fitted curves."""
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(10, 4), layout="constrained")
-    for axes, (name, k), curve in zip(
-        figure.subplots(1, 2), (("element_207", 1), ("element_271", 2)), (fabric.warp, fabric.weft), strict=True
-    ):
+    figure, panels = plots.panels(2, width=5.0, height=3.8)
+    for axes, (name, yarn, k) in zip(panels, (("element_207", "warp", 1), ("element_271", "weft", 2)), strict=True):
         strain, stress = table.column(f"{name}_E{k}{k}"), table.column(f"{name}_S{k}{k}_MPa")
-        axes.plot(strain, stress, ".-", label=name.replace("_", " "))
+        axes.plot(strain, stress, label=f"element, along the {yarn}", **plots.style(fabric.name, yarn))
         smooth = np.linspace(0.0, max(strain.max(), 1e-6), 100)
-        axes.plot(smooth, curve.stress(smooth) / 1e6, "k--", lw=1, label="fitted curve, Table 7.1, uniaxial")
-        axes.set(xlabel=f"E{k}{k}", ylabel=f"S{k}{k}, MPa")
-        axes.legend(fontsize=8)
-        axes.grid(alpha=0.3)
+        fitted = getattr(fabric, yarn).stress(smooth) / 1e6
+        axes.plot(smooth, fitted, label="uniaxial stress, Table 7.1", **plots.FITTED)
+        plots.label(axes, name.replace("_", " "), f"{yarn} strain E{k}{k} (-)", f"{yarn} stress S{k}{k} (MPa)")
+    plots.legend(figure)
     figure.savefig(path, dpi=150)
 
 

@@ -21,7 +21,7 @@ from pathlib import Path
 
 import numpy as np
 
-from fabric_fenicsx import command, results, system
+from fabric_fenicsx import command, plots, results, system
 from fabric_fenicsx.errors import InputError, StepFailed
 
 DRAPE = Path(__file__).with_name("drape.py")
@@ -81,19 +81,17 @@ def apart(one, other):
 
 def plot(path, rows):
     """Seconds an iteration and memory over unknowns."""
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(9, 3.6), layout="constrained")
+    figure, panels = plots.panels(2, width=4.5, height=3.8)
     for axes, name, label in zip(
-        figure.subplots(1, 2), ("ms_an_iteration", "memory_MB"), ("time of an iteration, ms", "peak memory, MB"),
-        strict=True,
-    ):  # fmt: skip
-        for ranks in dict.fromkeys(r["ranks"] for r in rows):
+        panels, ("ms_an_iteration", "memory_MB"), ("time of an iteration (ms)", "peak memory (MB)"), strict=True
+    ):
+        for k, ranks in enumerate(dict.fromkeys(r["ranks"] for r in rows)):
             own = [r for r in rows if r["ranks"] == ranks]
-            axes.loglog([r["unknowns"] for r in own], [r[name] for r in own], "o-", label=f"{ranks} ranks")
-        axes.set(xlabel="unknowns", ylabel=label)
-        axes.grid(alpha=0.3, which="both")
-        axes.legend()
+            said = f"{ranks} rank{'s' if ranks > 1 else ''}"
+            axes.loglog([r["unknowns"] for r in own], [r[name] for r in own], label=said, **plots.series(k))
+        plots.label(axes, "", "unknowns (-)", label)
+        plots.plain(axes.xaxis, axes.yaxis)
+    plots.legend(figure, 4)
     figure.savefig(path, dpi=150)
 
 

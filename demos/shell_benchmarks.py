@@ -18,25 +18,22 @@ import shell_cases
 import shell_model
 import shell_studies
 
-from fabric_fenicsx import command, directors, results
+from fabric_fenicsx import command, directors, plots, results
 
 
 def plot(path, case, table):
     """Load against displacements: computed lines, reference as rings."""
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(6.4, 4.4), layout="constrained")
-    axes = figure.subplots()
+    figure, (axes,) = plots.panels(1, width=6.0, height=4.6)
     loads = table.column(case.load_name)
     curves = {name: column for name, column in case.reference.items() if np.isfinite(column).sum() > 1}
     for i, (name, column) in enumerate(curves.items()):
-        axes.plot(table.column(name), loads, ".-", color=f"C{i}", lw=1.2, label=f"{name}, computed")
-        axes.plot(column, case.loads, "o", color=f"C{i}", mfc="none", ms=8, label=f"{name}, reference")
+        look = plots.series(i)
+        axes.plot(table.column(name), loads, label=f"{name}, computed", **look | {"marker": None})
+        axes.plot(column, case.loads, label=f"{name}, reference", **look | {"linestyle": "", "mfc": "none"})
     if case.loads[-1] > 1e3 * case.loads[0]:
         axes.set_yscale("log")
-    axes.set(title=case.title, xlabel="displacement", ylabel=case.load_name.replace("_", " "))
-    axes.grid(alpha=0.3)
-    axes.legend(fontsize=9)
+    plots.label(axes, case.title, "displacement (consistent units)", f"{case.load_name.replace('_', ' ')} (-)")
+    plots.legend(figure, len(curves))
     figure.savefig(path, dpi=150)
 
 

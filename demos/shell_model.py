@@ -11,7 +11,7 @@ import numpy as np
 import ufl
 from dolfinx import fem
 
-from fabric_fenicsx import continuation, directors, meshing, results, sheet, statics, supports, weakform
+from fabric_fenicsx import continuation, directors, meshing, pictures, results, sheet, statics, supports, weakform
 from fabric_fenicsx.errors import InputError, StepFailed
 from fabric_fenicsx.laws.svk import StVenantKirchhoff
 
@@ -128,7 +128,7 @@ class Shell:
         size = ufl.sqrt(ufl.dot(u, u) + 1e-30)
         far.interpolate(fem.Expression(size, far.function_space.element.interpolation_points))
         u.x.array[:] *= drawn
-        results.picture(path, u, far.x.array, "distance moved", title)
+        pictures.picture(path, u, far.x.array, "distance moved (consistent units)", title)
 
 
 def move_nodes(domain, skew, gather, numbers):

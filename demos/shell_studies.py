@@ -18,6 +18,7 @@ from fabric_fenicsx import (
     fabrics,
     hook,
     meshing,
+    plots,
     statics,
     supports,
     weakform,
@@ -97,24 +98,20 @@ def locking(settings, out):
 
 def plot(path, rows):
     """Tip deflection over the elastica's against slenderness, a panel a mesh."""
-    from matplotlib.figure import Figure
-
     meshes = list(dict.fromkeys((row["cells"], row["skew"]) for row in rows))
-    figure = Figure(figsize=(9.6, 3.4 * ((len(meshes) + 1) // 2) + 0.4), layout="constrained")
-    panels = figure.subplots((len(meshes) + 1) // 2, 2, squeeze=False, sharex=True, sharey=True).flat
+    figure, panels = plots.panels(2, -(-len(meshes) // 2), 4.8, 3.6, sharex=True, sharey=True)
     for (cells, skew), axes in zip(meshes, panels, strict=False):
         for i, element in enumerate(directors.ELEMENTS):
             own = [row for row in rows if (row["element"], row["cells"], row["skew"]) == (element, cells, skew)]
             if own:
                 ratio = [1 + row["W_tip_error_percent"] / 100 for row in own]
-                axes.plot([row["h_over_L"] for row in own], ratio, "os^v"[i] + "-", ms=5, label=element)
+                axes.plot([row["h_over_L"] for row in own], ratio, ms=5, label=element, **plots.series(i))
         axes.axhspan(1 - ALLOWED.get(cells, 0.01), 1 + ALLOWED.get(cells, 0.01), color="0.85", zorder=0)
-        axes.set_title(f"{cells} cells, " + (f"skewed by {skew:g}" if skew else "regular"))
-        axes.set(xscale="log", xlim=(2 * max(SLENDER), 0.5 * min(SLENDER)), ylim=(0, 1.1))
-        axes.set(xlabel="thickness / length", ylabel="tip deflection / exact")
+        title = f"{cells} cells, " + (f"skewed by {skew:g}" if skew else "regular")
+        plots.label(axes, title, "thickness / length (-)", "tip deflection / exact (-)", ylim=(0, 1.1))
+        axes.set(xscale="log", xlim=(2 * max(SLENDER), 0.5 * min(SLENDER)))
         axes.label_outer()
-        axes.grid(alpha=0.3)
-        axes.legend(fontsize=9, loc="lower left")
+    plots.legend(figure, 4)
     figure.savefig(path, dpi=150)
 
 

@@ -19,15 +19,24 @@ import numpy as np
 import ufl
 from dolfinx import fem
 
-from fabric_fenicsx import command, fabrics, frame, hook, kinematics, meshing, results, statics, weakform
+from fabric_fenicsx import (
+    command,
+    fabrics,
+    frame,
+    hook,
+    kinematics,
+    meshing,
+    pictures,
+    plots,
+    results,
+    statics,
+    weakform,
+)
 from fabric_fenicsx.errors import InputError, StepFailed
-from fabric_fenicsx.laws import driver
-from fabric_fenicsx.laws.printed import Printed
-from fabric_fenicsx.laws.woven import Woven
+from fabric_fenicsx.laws import driver, named
 
 MESH = Path(__file__).parent.parent / "meshes" / "square.geo"
 SIDE = 0.0254  # m
-LAWS = {"continuous": Woven, "printed": Printed}
 
 
 def cycle_path(cycle, fabric, amplitude, steps):
@@ -45,7 +54,8 @@ def run(fabric, law, cycle="sign", steps=20, amplitude=0.4, out=None, mesh=MESH,
     domain = meshing.read(mesh, comm, gdim=2, **({"side": SIDE, "n": 3} if mesh == MESH else {}))
     V = fem.functionspace(domain.mesh, ("Lagrange", 1, (2,)))
     u, v = fem.Function(V), ufl.TestFunction(V)
-    strain = kinematics.membrane_strain(u, frame.plane_axes(domain.mesh, 0.0))
+    axes = frame.plane_axes(domain.mesh, 0.0)
+    strain, yarns = kinematics.membrane_strain(u, axes), frame.Yarns(domain.mesh, u, axes)
     sheet = hook.LawHook(law, strain, domain.mesh, degree=2)
     residual = weakform.internal(sheet.stress, strain, u, v, fabric.thickness, sheet.dx)
 
@@ -102,7 +112,7 @@ def run(fabric, law, cycle="sign", steps=20, amplitude=0.4, out=None, mesh=MESH,
                     fields.write(step.number, shear_strain_E12=E12)
                     if step.number == peak:
                         title = f"{fabric.name}, simple shear, 2 E12 = {g:.3g}"
-                        results.picture(out / "deformed.png", u, E12, "shear strain E12", title)
+                        pictures.picture(out / "deformed.png", u, E12, "shear strain E12 (-)", title, yarns=yarns())
         except StepFailed as error:
             stopped = str(error)
         if fields:
@@ -113,20 +123,17 @@ def run(fabric, law, cycle="sign", steps=20, amplitude=0.4, out=None, mesh=MESH,
 
 def plot(path, fabric, table, law):
     """S12 against 2 E12, with the loading curve of Table 7.3."""
-    from matplotlib.figure import Figure
-
     gamma = np.insert(2 * table.column("shear_strain_E12"), 0, 0.0)
     stress = np.insert(table.column("shear_stress_MPa"), 0, 0.0)
     smooth = np.linspace(gamma.min(), gamma.max(), 201)
-    figure = Figure(figsize=(6.0, 4.5), layout="constrained")
-    axes = figure.subplots()
-    axes.plot(gamma, stress, ".-", label=f"sheet of nine elements, {law} law")
+    figure, (axes,) = plots.panels(1, width=5.5, height=4.4)
+    look = plots.style(fabric.name, "warp")
+    axes.plot(gamma, stress, label=f"sheet of nine elements, {law} law", **look)
     fitted = np.sign(smooth) * fabric.shear.stress(np.abs(smooth)) / 1e6
-    axes.plot(smooth, fitted, "--", color="black", lw=1.2, zorder=3, label="loading curve, Table 7.3")
+    axes.plot(smooth, fitted, label="loading curve, Table 7.3", **plots.FITTED)
     axes.axhline(0.0, color="0.6", lw=0.8, zorder=0)
-    axes.set(title=fabric.name, xlabel=r"shear strain $2 E_{12}$", ylabel=r"shear stress $S_{12}$, MPa")
-    axes.grid(alpha=0.3)
-    axes.legend(fontsize=9)
+    plots.label(axes, fabric.name, "shear strain $2 E_{12}$ (-)", "shear stress $S_{12}$ (MPa)")
+    plots.legend(figure)
     figure.savefig(path, dpi=150)
 
 
@@ -136,7 +143,7 @@ def arguments():
     parser.add_argument(
         "--cycle", choices=["sign", "reload"], default="sign", help="change sign, or unload a little and reload"
     )
-    parser.add_argument("--law", choices=LAWS, default="continuous")
+    parser.add_argument("--law", choices=named.MEASURED, default="continuous")
     parser.add_argument("--poisson", choices=["measured", "lowered"], default="measured")
     parser.add_argument("--steps", type=command.positive, default=20, help="steps for a shear of the amplitude")
     parser.add_argument("--amplitude", type=command.number, default=0.4, help="largest shear 2 E12")
@@ -153,7 +160,7 @@ def main():
         raise InputError(f"--amplitude {args.amplitude:g} must be a positive shear 2 E12, such as 0.4.")
     fabric = fabrics.load(args.fabric)
     out = results.folder(args.out / f"{Path(args.fabric).stem}_{args.cycle}")
-    law = LAWS[args.law](fabric, args.poisson)
+    law = named.law(args.law, fabric, args.poisson)
     table, stress_error, force_error, stopped = run(fabric, law, args.cycle, args.steps, args.amplitude, out, args.mesh)
     if MPI.COMM_WORLD.rank == 0 and table.rows:
         plot(out / "stress_strain.png", fabric, table, args.law)

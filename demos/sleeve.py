@@ -17,7 +17,8 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from fabric_fenicsx import checkpoint, command, fabrics, meshing, results, sheet, supports
+from fabric_fenicsx import checkpoint, command, fabrics, meshing, pictures, results, sheet, supports
+from fabric_fenicsx.errors import InputError
 from fabric_fenicsx.laws.woven import Woven
 
 MESH = Path(__file__).parent.parent / "meshes" / "sleeve.geo"
@@ -36,7 +37,7 @@ def wrist(part, bend, twist):
 def depth(u, bend):
     """How far the cloth lies inside of a tube that is bent so without folds at most, m; of all ranks."""
     x = u.function_space.tabulate_dof_coordinates() + u.x.array.reshape(-1, 3)
-    r = LENGTH / bend - RADIUS / 2
+    r = LENGTH / max(bend, 1e-6) - RADIUS / 2  # of a straight one it is large
     inside = RADIUS - np.hypot(x[:, 1], np.hypot(x[:, 0], x[:, 2] - r) - r)
     return u.function_space.mesh.comm.allreduce(inside.max(initial=0.0), MPI.MAX)
 
@@ -48,13 +49,16 @@ def arguments():
     parser.add_argument("--twist", type=command.number, default=20.0, help="degrees")
     parser.add_argument("--around", type=command.positive, default=32, help="cells around the sleeve, a multiple of 4")
     parser.add_argument("--along", type=command.positive, default=24, help="cells along it")
-    parser.add_argument("--move", type=command.number, default=0.5, help="how long the wrist moves, s")
+    parser.add_argument("--move", type=command.above_zero, default=0.5, help="how long the wrist moves, s")
     parser.add_argument("--end", type=command.number, default=0.6, help="s")
     parser.add_argument("--step", type=command.number, default=5.0, help="nominal time step, ms")
     parser.add_argument("--damping", type=command.number, default=20.0, help="a of Rayleigh's a M, 1/s")
     parser.add_argument("--rho", type=command.number, default=0.5, help="left of the fastest oscillation after a step")
     parser.add_argument("--out", type=Path, default=Path("out/sleeve"))
-    return command.parse(parser)
+    args = command.parse(parser)
+    if not 0 <= args.bend <= 180:
+        raise InputError(f"--bend {args.bend:g}: bend the sleeve by 0 to 180 degrees.")
+    return args
 
 
 def main():
@@ -97,7 +101,7 @@ def main():
     title = f"{fabric.name}, bent {args.bend:g}°, twisted {args.twist:g}°"
     u, yarns = cloth.displacement(), cloth.yarns()
     for name, view in (("deformed", (-1.0, -1.6, 2.0)), ("inner_side", (0.2, -0.9, 1.6))):
-        results.picture(out / f"{name}.png", u, strain, "warp strain E11", title, view, yarns=yarns)
+        pictures.picture(out / f"{name}.png", u, strain, "warp strain E11 (-)", title, view, yarns=yarns)
 
     t, last = ledger.totals, table.rows[-1]
     seconds, iterations, cuts = (table.column(name).sum() for name in ("wall_s", "newton_iterations", "step_cuts"))

@@ -19,7 +19,7 @@ import numpy as np
 from dolfinx import fem
 from scipy.interpolate import CubicSpline
 
-from fabric_fenicsx import command, continuation, directors, meshing, results, sheet, statics, supports
+from fabric_fenicsx import command, continuation, directors, meshing, pictures, plots, results, sheet, statics, supports
 from fabric_fenicsx import weakform as wf
 from fabric_fenicsx.errors import StepFailed
 from fabric_fenicsx.laws.svk import StVenantKirchhoff
@@ -78,7 +78,7 @@ class Roof:
         u = self.q.sub(0).collapse()
         deflection = fem.Function(fem.functionspace(u.function_space.mesh, ("DG", 0)))
         deflection.interpolate(fem.Expression(-1e3 * u[2], deflection.function_space.element.interpolation_points))
-        results.picture(path, u, deflection.x.array, "deflection, mm", title)
+        pictures.picture(path, u, deflection.x.array, "deflection (mm)", title)
 
 
 def run(roof, first, out=None, longest=4e-4, steps=500):
@@ -129,18 +129,16 @@ def farthest(path, reference):
 
 def plot(path, runs):
     """Load against deflection of some (thickness, rows), with the published tables."""
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(8, 5.5), layout="constrained")
-    axes = figure.subplots()
+    figure, (axes,) = plots.panels(1, width=6.5, height=5.0)
     for k, (thickness, rows) in enumerate(runs):
-        axes.plot(rows[:, 1], rows[:, 0], ".-", color=f"C{k}", ms=3, label=f"{thickness:g} mm, arc length")
+        look = plots.series(k)
+        axes.plot(rows[:, 1], rows[:, 0], label=f"{thickness:g} mm, arc length", **look | {"marker": None})
         reference = published(thickness)
-        axes.plot(reference[:, 1], reference[:, 0], "o", color=f"C{k}", mfc="none", label="Sze, Liu and Lo 2004")
+        name = f"{thickness:g} mm, Sze, Liu and Lo 2004"
+        axes.plot(reference[:, 1], reference[:, 0], label=name, **look | {"linestyle": "", "mfc": "none"})
     axes.axhline(0.0, color="black", lw=0.8)
-    axes.set(title="Hinged roof under a load at its middle", xlabel="deflection under the load, mm", ylabel="load, N")
-    axes.grid(alpha=0.3)
-    axes.legend()
+    plots.label(axes, "Hinged roof under a load at its middle", "deflection under the load (mm)", "load (N)")
+    plots.legend(figure, 2)
     figure.savefig(path, dpi=150)
 
 
@@ -158,7 +156,7 @@ def arguments():
     parser.add_argument("--cells", type=command.positive, default=16, help="along each side of the quarter")
     parser.add_argument("--element", choices=directors.ELEMENTS, help="the default is that of triangles")
     parser.add_argument(
-        "--longest", type=command.number, default=0.4, help="longest step in mm; the check needs short ones"
+        "--longest", type=command.above_zero, default=0.4, help="longest step in mm; the check needs short ones"
     )
     parser.add_argument("--out", type=Path, default=Path("out/snap_through"))
     return command.parse(parser)

@@ -21,9 +21,9 @@ import stability_more
 import stability_trials
 import studies
 
-from fabric_fenicsx import command, results
+from fabric_fenicsx import command, plots, results
 
-COLOURS = {"works": "C2", "refused": "C0", "stopped": "C1", "inaccurate": "C4", "FAULT": "C3"}
+COLOURS = {"works": "#a6dcc6", "refused": "#56b4e9", "stopped": "#e69f00", "inaccurate": "#cc79a7", "FAULT": "#1a1a1a"}
 
 
 def as_wanted(wanted, verdict):
@@ -41,12 +41,9 @@ def limit(rows):
 
 def plot(path, rows):
     """A tile for every trial, a line for every subject."""
-    from matplotlib.figure import Figure
-
     subjects = list(dict.fromkeys(row["subject"] for row in rows))
     most = max(sum(row["subject"] == name for row in rows) for name in subjects)
-    figure = Figure(figsize=(0.28 * most + 3.5, 0.4 * len(subjects) + 1.4), layout="constrained")
-    axes = figure.subplots()
+    figure, (axes,) = plots.panels(1, width=0.28 * most + 3.5, height=0.4 * len(subjects) + 1.4)
     for y, name in enumerate(subjects):
         for x, row in enumerate(row for row in rows if row["subject"] == name):
             axes.barh(y, 0.9, left=x, height=0.7, color=COLOURS[row["verdict"]])

@@ -16,15 +16,14 @@ import ufl
 from mpi4py import MPI
 from dolfinx import fem
 
-from fabric_fenicsx import command, fabrics, meshing, results, specimen, statics
+from fabric_fenicsx import command, fabrics, frame, meshing, pictures, plots, results, specimen, statics
 from fabric_fenicsx.errors import InputError, StepFailed
-from fabric_fenicsx.laws.printed import Printed
-from fabric_fenicsx.laws.woven import Woven
+from fabric_fenicsx.laws import named
 
 STRIP = Path(__file__).parent.parent / "meshes" / "strip.geo"
-LAWS = {"continuous": Woven, "printed": Printed}
 THESIS = {"cells": (9, 3), "degree": 1}
 """The thesis's mesh, 27 bilinear elements: in bias between clamps its force is 30 % too high."""
+WAYS = {0.0: "warp", 90.0: "weft", 45.0: "bias"}
 GENTLE = 1e-5 * 2.0 ** np.arange(10)
 """Axial strains beyond that of the slack strip where a strip that is to buckle stops on its way back."""
 
@@ -51,7 +50,7 @@ class Case:
     @property
     def displacement(self):
         """How far the end is pulled, m: Table 3.4, and 20 mm off the yarns."""
-        return self.fabric.displacement[{0.0: "warp", 90.0: "weft"}.get(self.angle, "bias")]
+        return self.fabric.displacement[WAYS.get(self.angle, "bias")]
 
     def fitted(self, strain):
         """Stress (Pa) of Table 7.1 at an axial strain, for a test along a yarn; else None."""
@@ -80,7 +79,7 @@ def strip(case, comm=MPI.COMM_WORLD):
     size["triangles"] = int(case.triangles)
     gdim = 2 if case.kinematics == "plane" else 3
     domain = meshing.read(case.mesh, comm, gdim=gdim, **(size if case.mesh == STRIP else {}))
-    law, angle = LAWS[case.law](case.fabric, case.poisson), np.radians(case.angle)
+    law, angle = named.law(case.law, case.fabric, case.poisson), np.radians(case.angle)
     return specimen.strip(domain, case.fabric, law, angle, case.ends, case.degree, case.kinematics, case.imperfection)
 
 
@@ -95,6 +94,17 @@ def displacement(case, u):
         shown.x.array[:] = u.x.array[dofs]
 
     return shown, refresh
+
+
+def picture(path, case, u, hook, title, **more):
+    """Draw a strip, coloured by its strain along the load; more: of `pictures.picture`."""
+    mesh, angle = u.function_space.mesh, np.radians(case.angle)
+    if case.kinematics == "plane":
+        axes = frame.plane_axes(mesh, angle)
+    else:
+        axes = frame.surface_axes(mesh, (np.cos(angle), np.sin(angle), 0.0), 1)
+    strain = axial_strain(case, hook)
+    pictures.picture(path, u, strain, "axial strain (-)", title, yarns=frame.Yarns(mesh, u, axes)(), **more)
 
 
 def gentle(case, comm):
@@ -156,7 +166,7 @@ def run(case, out=None, comm=MPI.COMM_WORLD, progress=None, watch=None, scene=No
                     fields.write(step.number, axial_strain=axial_strain(case, fabric))
                     if step.number == peak:
                         title = f"{case.fabric.name}, warp at {case.angle:g} degrees, {step.load * 1e3:g} mm"
-                        results.picture(out / "deformed.png", shown, axial_strain(case, fabric), "axial strain", title)
+                        picture(out / "deformed.png", case, shown, fabric, title)
                 if (watch and watch(step, fabric)) or (step.number > peak and force <= 0.0 and not case.whole):
                     break
         except StepFailed as error:
@@ -168,7 +178,7 @@ def run(case, out=None, comm=MPI.COMM_WORLD, progress=None, watch=None, scene=No
                 command.say(f"  out of its plane by {height * 1e3:.3g} mm at the end")
                 refresh()
                 title = f"{case.fabric.name}, after unloading"
-                results.picture(out / "unloaded.png", shown, axial_strain(case, fabric), "axial strain", title)
+                picture(out / "unloaded.png", case, shown, fabric, title)
     return table, peak, stopped
 
 
@@ -181,29 +191,24 @@ def axial_strain(case, fabric):
 
 def plot(path, runs):
     """Stress against strain of some (case, table), a panel a fabric, with the fitted curves."""
-    from matplotlib.figure import Figure
-
     names = list(dict.fromkeys(case.fabric.name for case, _ in runs))
-    rows, columns = (len(names) + 1) // 2, min(len(names), 2)
-    figure = Figure(figsize=(6.0 * columns, 4.0 * rows + 0.5), layout="constrained")
-    legend = {}
-    for name, axes in zip(names, figure.subplots(rows, columns, squeeze=False).flat, strict=False):
+    columns = min(len(names), 2)
+    figure, panels = plots.panels(columns, -(-len(names) // columns), 5.0, 3.8)
+    for name, axes in zip(names, panels, strict=False):
         for case, table in (run for run in runs if run[0].fabric.name == name):
             strain, stress = table.column("axial_strain"), table.column("axial_stress_MPa")
             strain, stress = np.insert(strain, 0, 0.0), np.insert(stress, 0, 0.0)
-            color = {0.0: "C0", 90.0: "C3", 45.0: "C2"}.get(case.angle, "C4")
-            label = f"warp at {case.angle:g}°, {case.ends} ends"
-            (legend[label],) = axes.plot(strain, stress, ".-", color=color)
+            look = plots.style(name, WAYS.get(case.angle, "another"))
+            axes.plot(strain, stress, label=f"warp at {case.angle:g}°, {case.ends} ends", **look)
             smooth = np.linspace(0.0, strain.max(), 100)
-            for label, curve, style in (
-                ("fitted curve, Table 7.1", case.fitted(smooth), "--"),
-                ("Table 7.3, yarns of constant length", case.trellis(smooth), ":"),
+            for curve, label in (
+                (case.fitted(smooth), "fitted curve, Table 7.1"),
+                (case.trellis(smooth), "Table 7.3, yarns of constant length"),
             ):
                 if curve is not None:
-                    (legend[label],) = axes.plot(smooth, curve / 1e6, style, color="black", lw=1.2, zorder=0)
-        axes.set(title=name, xlabel="axial Green-Lagrange strain", ylabel="axial stress S, MPa", ylim=(0, None))
-        axes.grid(alpha=0.3)
-    figure.legend(legend.values(), legend, loc="outside lower center", ncols=columns + 1, fontsize=9)
+                    axes.plot(smooth, curve / 1e6, label=label, **plots.FITTED)
+        plots.label(axes, name, "axial Green-Lagrange strain (-)", "axial stress S (MPa)", ylim=(0, None))
+    plots.legend(figure, columns + 1)
     figure.savefig(path, dpi=150)
 
 
@@ -232,7 +237,7 @@ def report(case, table, peak, stopped):
 
 def angles(text):
     """Angles in degrees from the command line."""
-    return [0.0, 90.0, 45.0] if text == "all" else [command.number(text)]
+    return list(WAYS) if text == "all" else [command.number(text)]
 
 
 def arguments():
@@ -241,7 +246,7 @@ def arguments():
     parser.add_argument(
         "--angle", type=angles, default="0", help="degrees from the load to the warp, or all: 0, 90 and 45"
     )
-    parser.add_argument("--law", choices=LAWS, default="continuous")
+    parser.add_argument("--law", choices=named.MEASURED, default="continuous")
     parser.add_argument("--poisson", choices=["measured", "lowered"], default="measured")
     parser.add_argument("--cells", type=command.grid, default="36x12", help="cells along and across the strip")
     parser.add_argument(

@@ -4,19 +4,18 @@ For completion by the shell, put `eval "$(_FABRIC_FENICSX_COMPLETE=bash_source f
 (zsh_source, fish_source for the others).
 """
 
+import math
 import os
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import click
 
 import fabric_fenicsx
 
 from .errors import InputError
-
-if TYPE_CHECKING:
-    from .identify import Identified
 
 STRIP = Path(__file__).parent.parent / "meshes" / "strip.geo"
 folder = click.Path(file_okay=False, path_type=Path)
@@ -38,6 +37,18 @@ def fabric_names(context: click.Context, parameter: click.Parameter, incomplete:
     from . import fabrics
 
     return [name for name in fabrics.names() if name.startswith(incomplete)]
+
+
+@contextmanager
+def drawn_to(path: Path) -> Iterator[None]:
+    """What cannot be written, or has an ending that is no picture's, is the user's fault."""
+    try:
+        yield
+    except (OSError, ValueError, ImportError) as error:
+        reason = str(error).splitlines()[0].rstrip(".")
+        raise InputError(
+            f"The picture {str(path)!r} cannot be written ({reason}); choose another with --out."
+        ) from error
 
 
 @app.group("fabrics")
@@ -86,16 +97,14 @@ def fabrics_show(name: str) -> None:
 @click.option("--out", type=file, default=Path("fabrics.png"), show_default=True, help="Picture: png, pdf or svg.")
 def fabrics_plot(names: tuple[str, ...], out: Path) -> None:
     """Stress against strain of NAMES (all, if left out): a panel for warp, weft and shear."""
-    from . import fabrics, pictures
+    from . import fabrics
 
     chosen = [fabrics.load(name) for name in names or fabrics.names()]
-    try:
+    with drawn_to(out):
         if len(chosen) == 1:
             chosen[0].plot(out)
         else:
-            pictures.compare(chosen, out)
-    except (OSError, ValueError) as error:
-        raise InputError(f"The picture {str(out)!r} cannot be written ({error}); choose another with --out.") from error
+            fabrics.compare(chosen, out)
     click.echo(f"see {out}")
 
 
@@ -110,36 +119,14 @@ def identify(tests: Path, shear: str, ends: str, out: Path) -> None:
     """From test records to a fabric: a one-page report and fabric.toml. TESTS lists the records."""
     from mpi4py import MPI
 
-    from . import identify as room
     from . import results
-    from .identify import fabric_file, report
+    from .identify import making
 
     if MPI.COMM_WORLD.rank > 0:  # nothing here is large enough to share
         return
-    found = room.identify(room.read(tests))
     out = results.folder(out, MPI.COMM_SELF)
-    if shear != "photographs":
-        found = _shear_otherwise(found, shear, ends)
-    for ending in ("pdf", "png"):
-        report.write(found, out / f"report.{ending}")
-    for word in (*found.notes, *found.fits, "not determined:", *(found.undetermined or ["nothing"])):
-        click.echo(f"  {word}")
-    path, _ = fabric_file.write(found, out)
-    click.echo(f"see {out / 'report.pdf'}; the fabric is {path}")
-
-
-def _shear_otherwise(found: "Identified", shear: str, ends: str) -> "Identified":
-    """As if nobody had photographed the yarns of the bias test."""
-    from dataclasses import replace
-
-    from .identify import inverse, net
-
-    curves = {way: curve for way, curve in found.curves.items() if way != "shear"}
-    found = replace(found, curves=curves, yarn_stretch=None)
-    if shear == "net":
-        return net.shear(found)
-    click.echo("  looking for the shear curve on a simulated strip ...")
-    return inverse.shear(found, STRIP, ends=ends)
+    path, _ = making.make(tests, out, shear, STRIP, ends, click.echo)
+    click.echo(f"see {out / 'report.pdf'}; use it with --fabric {path}")
 
 
 @app.command()
@@ -167,6 +154,8 @@ def three(context: click.Context, parameter: click.Parameter, text: str | None) 
         x, y, z = map(float, text.split(","))
     except ValueError:
         raise click.BadParameter(f"{text} is not of the form 1,-2,1.2") from None
+    if not (math.isfinite(x + y + z) and (x or y or z)):
+        raise click.BadParameter(f"{text} is no direction; give three finite numbers, as 1,-2,1.2")
     return x, y, z
 
 
@@ -180,20 +169,20 @@ def three(context: click.Context, parameter: click.Parameter, text: str | None) 
 def view(results_folder: Path, frame: int, colour: str, eye: tuple[float, float, float] | None, animation: bool,
          out: Path | None) -> None:  # fmt: skip
     """Draw what a run wrote into FOLDER."""
-    from . import pictures
+    from . import system
     from .frames import Series
 
     series = Series(results_folder / "frames")
-    if (fault := pictures.can_draw()) is not None:
+    if (fault := system.can_draw()) is not None:
         raise InputError(fault)
     if not -len(series.times) <= frame < len(series.times):
         raise InputError(f"--frame {frame}: the run has the frames 0 to {len(series.times) - 1}.")
-    if animation:
-        out = out or results_folder / "animation.gif"
-        series.animation(out, colour, eye)
-    else:
-        out = out or results_folder / "view.png"
-        series.picture(out, frame, colour, eye)
+    out = out or results_folder / ("animation.gif" if animation else "view.png")
+    with drawn_to(out):
+        if animation:
+            series.animation(out, colour, eye)
+        else:
+            series.picture(out, frame, colour, eye)
     click.echo(f"see {out}")
 
 

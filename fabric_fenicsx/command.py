@@ -16,27 +16,33 @@ from .errors import InputError, StepFailed
 
 def number(text: str) -> float:
     """A finite number."""
-    value = float(text)
-    if not math.isfinite(value):
-        raise argparse.ArgumentTypeError(f"{text} is not a finite number")
+    with contextlib.suppress(ValueError):
+        if math.isfinite(value := float(text)):
+            return value
+    raise argparse.ArgumentTypeError(f"{text} is not a finite number")
+
+
+def above_zero(text: str) -> float:
+    """A finite number greater than zero."""
+    if (value := number(text)) <= 0.0:
+        raise argparse.ArgumentTypeError(f"{text} is not greater than zero")
     return value
 
 
 def positive(text: str) -> int:
     """A whole number of at least 1."""
-    value = int(text)
-    if value < 1:
-        raise argparse.ArgumentTypeError(f"{text} is not a whole number of at least 1")
-    return value
+    with contextlib.suppress(ValueError):
+        if (value := int(text)) >= 1:
+            return value
+    raise argparse.ArgumentTypeError(f"{text} is not a whole number of at least 1")
 
 
 def grid(text: str) -> tuple[int, int]:
     """Two whole numbers of at least 1, as 9x3."""
-    try:
-        nx, ny = (positive(part) for part in text.lower().split("x"))
-    except ValueError:
-        raise argparse.ArgumentTypeError(f"{text} is not of the form 9x3") from None
-    return nx, ny
+    parts = text.lower().split("x")
+    if len(parts) != 2:
+        raise argparse.ArgumentTypeError(f"{text} is not of the form 9x3")
+    return positive(parts[0]), positive(parts[1])
 
 
 def parse(parser: argparse.ArgumentParser) -> argparse.Namespace:

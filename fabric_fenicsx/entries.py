@@ -75,12 +75,12 @@ class Table:
         """The text `key`, one of a few; the first, or `default`, where it is left out."""
         if key not in self.entries:
             return default or known[0]
-        value = self.text(key)
+        value = self.entries[key]
         if value not in known:
-            near = get_close_matches(value, known, n=1)
+            near = get_close_matches(value, known, n=1) if isinstance(value, str) else []
             hint = f"perhaps {near[0]!r} is meant" if near else f"known are {', '.join(known)}"
             self.refuse(key, "is not known", hint)
-        return value
+        return str(value)
 
     def number(self, key: str, value: Any) -> float:
         """`value`, which is the entry `key` or a member of it; 1e15 is as good as infinite."""

@@ -82,6 +82,25 @@ def surface_axes(
     return axes
 
 
+class Yarns:
+    """Warp and weft of each local cell as they are now: unit vectors, moved and stretched with the sheet.
+
+    u: displacement (m), in the plane or in space; axes: `plane_axes`, or `surface_axes` of degree 1.
+    """
+
+    def __init__(self, domain: mesh.Mesh, u: Expr, axes: tuple[Expr, Expr]) -> None:
+        rows = ufl.as_vector([c for a in axes for c in a + ufl.dot(ufl.grad(u), a)])
+        points, _ = basix.make_quadrature(domain.basix_cell(), 1)
+        self._mesh, self._rows = domain, fem.Expression(rows, points)
+
+    def __call__(self) -> np.ndarray:
+        """At present, shape (cells, 2, 3), ghosts included; in the plane the third component is 0."""
+        cells = self._mesh.topology.index_map(2)
+        everywhere = np.arange(cells.size_local + cells.num_ghosts, dtype=np.int32)
+        rows = self._rows.eval(self._mesh, everywhere).reshape(len(everywhere), 2, -1)
+        return np.pad(rows, ((0, 0), (0, 0), (0, 3 - rows.shape[2])))
+
+
 def patches(domain: Domain, warps: Mapping[str, float | Sequence[float]]) -> fem.Function:
     """The warp of each group of cells, as a Function that is constant in each cell.
 

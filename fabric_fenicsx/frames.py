@@ -6,7 +6,7 @@ import numpy as np
 from mpi4py import MPI
 from dolfinx import fem
 
-from . import pictures
+from . import pictures, system
 from .errors import InputError
 from .laws import Array
 
@@ -32,7 +32,14 @@ class Frames:
     title: of every picture, and `when` what follows it, as in "t = {:.4g} s". view: from the sheet to the eye.
     """
 
-    def __init__(self, folder: Path, title: str, when: str, view: tuple[float, float, float], comm: MPI.Comm) -> None:
+    def __init__(
+        self,
+        folder: Path,
+        title: str,
+        when: str,
+        view: tuple[float, float, float] = pictures.VIEW,
+        comm: MPI.Comm = MPI.COMM_WORLD,
+    ) -> None:
         about = {"title": title, "when": when, "view": view}
         self.folder, self._about, self._count = folder, {name: np.array(value) for name, value in about.items()}, 0
         if comm.rank == 0:
@@ -63,11 +70,11 @@ class Series:
         try:
             self._mesh = dict(np.load(folder / "mesh.npz"))
             self.times = [float(np.load(file)["time"]) for file in self._files]
+            x, y, z = map(float, self._mesh["view"])
         except (OSError, KeyError, ValueError) as error:
             raise InputError(
                 f"{str(folder)!r} holds no frames; give the output folder of 'fabric-fenicsx run'."
             ) from error
-        x, y, z = map(float, self._mesh["view"])
         self.view = (x, y, z)
 
     def shape(self, number: int, colour: str) -> pictures.Shape:
@@ -95,9 +102,9 @@ class Series:
         self, path: Path, colour: str = "yarn", view: tuple[float, float, float] | None = None, most: int = 50
     ) -> None:
         """Draw at most so many frames with one scale and one camera, and put them together into a .gif or .mp4."""
-        if (fault := pictures.can_draw()) is not None:
+        if (fault := system.can_draw()) is not None:
             raise InputError(fault)
-        numbers = range(0, len(self.times), max(1, len(self.times) // most))
+        numbers = range(0, len(self.times), -(-len(self.times) // most))
         shapes = [self.shape(number, colour) for number in numbers]
         places = np.concatenate([shape.points + shape.moved for shape in shapes])
         box = tuple(np.column_stack([places.min(axis=0), places.max(axis=0)]).ravel())

@@ -161,8 +161,12 @@ def _on_root[T](comm: MPI.Comm, make: Callable[[], T]) -> T | None:
 
 def _check_model(gdim: int, orient: bool) -> None:
     """Make sure that DOLFINx can take over the current gmsh model, and a shell stand on it."""
-    if max((dim for dim, _ in gmsh.model.getPhysicalGroups()), default=0) != 2:
-        raise InputError("The mesh must be one of surfaces, all in physical groups, and no volumes.")
+    dims = {dim for dim, _ in gmsh.model.getPhysicalGroups()}
+    if 3 in dims or 2 not in dims:
+        fault = "has a physical group of volumes" if 3 in dims else "has no physical group of surfaces"
+        raise InputError(
+            f'The mesh {fault}: name its surfaces, and no volumes, as in Physical Surface("sheet") = {{1}};.'
+        )
     kinds, numbers, _ = gmsh.model.mesh.getElements(2)
     if len(kinds) != 1:
         raise InputError("The mesh mixes triangles and quadrilaterals; recombine all of it or nothing.")

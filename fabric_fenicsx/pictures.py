@@ -1,4 +1,4 @@
-"""Pictures of a sheet, all of one look, and the colours of fabrics in plots.
+"""Pictures of a sheet, all of one look.
 
 Undeformed outline in black, the deformed sheet coloured by one value a cell, and at a few places an arrow along the
 warp (red, long) and one along the weft (black, short), on the side of the eye.
@@ -13,43 +13,11 @@ from typing import Any
 import numpy as np
 from dolfinx import fem, plot
 
-from .fabrics import Fabric
 from .laws import Array
-from .system import can_draw as can_draw
+from .system import can_draw
 
-FABRICS = {
-    "blend": {"color": "#0072b2", "linestyle": "-", "marker": "o"},
-    "duck": {"color": "#d55e00", "linestyle": "--", "marker": "s"},
-    "muslin": {"color": "#56b4e9", "linestyle": "-.", "marker": "^"},
-    "denim": {"color": "#1a1a1a", "linestyle": ":", "marker": "D"},
-}
-"""How each fabric of the package is drawn in every plot: colours that the colour-blind tell apart (Okabe and Ito), and
-lines that are told apart in black and white."""
-_OTHERS = ("#009e73", "#cc79a7", "#e69f00", "#7f7f7f")
-
-
-def style(name: str) -> dict[str, Any]:
-    """Keywords of matplotlib's `plot` for a fabric, by its name; one of your own has always the same, too."""
-    other = {"color": _OTHERS[sum(name.encode()) % len(_OTHERS)], "linestyle": "-", "marker": "v"}
-    return dict(FABRICS.get(name, other))
-
-
-def compare(fabrics: Sequence[Fabric], path: str | Path) -> None:
-    """Stress of first loading against strain of several fabrics: a panel each for warp, weft and shear."""
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(10.5, 4.2), layout="constrained")
-    symbols = (("E_{11}", "S_{11}"), ("E_{22}", "S_{22}"), (r"\gamma = 2E_{12}", "S_{12}"))
-    for axes, way, (strain, stress) in zip(figure.subplots(1, 3), ("warp", "weft", "shear"), symbols, strict=True):
-        for fabric in fabrics:
-            curve = getattr(fabric, way)
-            E = np.linspace(0.0, curve.limit, 101)
-            axes.plot(E, curve.stress(E) / 1e6, label=fabric.name, markevery=20, ms=4, **style(fabric.name))
-        axes.set(title=way, xlabel=f"strain ${strain}$ (-)", ylabel=f"stress ${stress}$ (MPa)")
-        axes.set(xlim=(0.0, None), ylim=(0.0, None))
-        axes.grid(color="0.9")
-    figure.legend(*figure.axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=4, frameon=False)
-    figure.savefig(path, dpi=150)
+VIEW = (1.0, -2.0, 1.2)
+"""From the sheet to the eye."""
 
 
 def film(path: Path, frames: Sequence[Path], seconds: float) -> None:
@@ -109,7 +77,7 @@ def picture(
     cell_values: Array,
     label: str,
     title: str = "",
-    view: tuple[float, float, float] = (1.0, -2.0, 1.2),
+    view: tuple[float, float, float] = VIEW,
     limits: tuple[float, float] | None = None,
     box: tuple[float, ...] | None = None,
     yarns: Array | None = None,
@@ -131,7 +99,7 @@ def draw(
     shape: Shape,
     label: str,
     title: str = "",
-    view: tuple[float, float, float] = (1.0, -2.0, 1.2),
+    view: tuple[float, float, float] = VIEW,
     limits: tuple[float, float] | None = None,
     box: tuple[float, ...] | None = None,
 ) -> None:
@@ -188,12 +156,14 @@ def draw(
     # behind the lines that lie in it
     actor.mapper.SetResolveCoincidentTopologyToPolygonOffset()
     actor.mapper.SetRelativeCoincidentTopologyPolygonOffsetParameters(2.0, 2.0)
-    bar = {"color": "black", "fmt": "%.3g", "n_labels": 5, "label_font_size": 20}
-    bar |= {"position_x": 0.37, "width": 0.56, "position_y": 15 / size[1], "height": 75 / size[1]}
+    digits = int(np.clip(np.ceil(np.log10(max(abs(low), abs(high)) / max(high - low, 1e-300) + 1e-9)) + 2, 3, 7))
+    bar = {"color": "black", "fmt": f"%.{digits}g", "n_labels": 5, "label_font_size": 20}
+    bar |= {"position_x": 0.37, "width": 0.53, "position_y": 15 / size[1], "height": 75 / size[1]}
     plotter.add_scalar_bar(title=" ", mapper=actor.mapper, **bar)
+    tips = np.zeros((0, 3))
     if shape.yarns is not None:
-        _arrows(plotter, shape, np.array(view if dim == 3 else (0.0, 0.0, 1.0)))
-    plotter.add_text(label, position=(40, 25), color="black", font_size=14)
+        tips = _arrows(plotter, shape, np.array(view if dim == 3 else (0.0, 0.0, 1.0)))
+    plotter.add_text(label, position=(40, 25), color="black", font_size=14 if len(label) < 28 else 11)
     plotter.add_text(title, position=(40, size[1] - 45), color="black", font_size=14)
     said = "black line: undeformed" + ("; arrows: warp red, weft black" if shape.yarns is not None else "")
     plotter.add_text(said, position=(1170 - 11 * len(said), size[1] - 40), color="black", font_size=11)
@@ -205,16 +175,33 @@ def draw(
         plotter.camera.position = middle + [0.0, 0.0, max(width, height)]
         plotter.camera.parallel_scale = size[1] * pixel / 2
     else:
-        plotter.view_vector(view, viewup=(0, 0, 1))
+        seen = np.concatenate([shape.points, shape.points + shape.moved, tips])
         if box is not None:
-            plotter.reset_camera(bounds=box)
+            seen = np.stack(np.meshgrid(*np.reshape(box, (3, 2))), axis=-1).reshape(-1, 3)
+        _aim(plotter.camera, seen, np.array(view), size[0] / size[1], 1.0 - (above + below) / size[1])
         plotter.camera.SetWindowCenter(0.0, -(below - above) / size[1])
+        plotter.renderer.ResetCameraClippingRange()
     plotter.screenshot(path)
     plotter.close()
 
 
-def _arrows(plotter: Any, shape: Shape, eye: Array, count: int = 5) -> None:
-    """Warp and weft at a few cells that face the eye, far from each other."""
+def _aim(camera: Any, points: Array, view: Array, aspect: float, share: float) -> None:
+    """Look along -view, from as near as shows all points (n, 3) in this share of the height and most of the width."""
+    back = view / np.linalg.norm(view)
+    right = np.cross((0.0, 1.0, 0.0) if abs(back[2]) > 0.999 else (0.0, 0.0, 1.0), back)
+    right /= np.linalg.norm(right)
+    axes = np.stack([right, np.cross(back, right), back])
+    at = points @ axes.T
+    middle = (at.min(axis=0) + at.max(axis=0)) / 2
+    half = np.tan(np.radians(camera.view_angle) / 2)
+    x, y, nearer = np.abs(at - middle)[:, 0], np.abs(at - middle)[:, 1], (at - middle)[:, 2]
+    distance = max((x / (0.92 * half * aspect) + nearer).max(), (y / (share * half) + nearer).max())
+    camera.up, camera.focal_point = axes[1], middle @ axes
+    camera.position = (middle + [0.0, 0.0, distance]) @ axes
+
+
+def _arrows(plotter: Any, shape: Shape, eye: Array, count: int = 5) -> Array:
+    """Draw warp and weft at a few cells that face the eye, far from each other; where the arrows end (n, 3)."""
     import pyvista
 
     assert shape.yarns is not None
@@ -230,6 +217,7 @@ def _arrows(plotter: Any, shape: Shape, eye: Array, count: int = 5) -> None:
     while len(chosen) < min(count, len(seen)):
         away = np.linalg.norm(middle[seen, None] - middle[chosen], axis=2).min(axis=1)
         chosen.append(seen[away.argmax()])
+    tips = []
     for cell in chosen:
         start = middle[cell] + 0.01 * extent * np.sign(facing[cell]) * normal[cell]
         for k, (color, length) in enumerate((("#d00000", 0.09), ("black", 0.06))):
@@ -238,3 +226,5 @@ def _arrows(plotter: Any, shape: Shape, eye: Array, count: int = 5) -> None:
                 start=start, direction=along, tip_radius=0.12, shaft_radius=0.045, scale=length * extent
             )
             plotter.add_mesh(arrow, color=color, lighting=False)
+            tips.append(start + length * extent * along)
+    return np.array(tips)

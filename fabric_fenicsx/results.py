@@ -1,4 +1,4 @@
-"""What a run leaves behind: histories as CSV, fields for ParaView, and its `pictures`."""
+"""What a run leaves behind: histories as CSV, and fields for ParaView."""
 
 import csv
 from pathlib import Path
@@ -12,9 +12,6 @@ from dolfinx import fem, io
 from ufl.core.expr import Expr
 
 from .errors import InputError
-from .pictures import can_draw as can_draw
-from .pictures import film as film
-from .pictures import picture as picture
 
 
 def folder(path: str | Path, comm: MPI.Comm = MPI.COMM_WORLD) -> Path:

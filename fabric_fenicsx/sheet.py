@@ -71,7 +71,7 @@ class Sheet:
         self.shell: directors.ShellSpace | None = None
         self._strain: fem.Expression | None = None
         self._warp = warp
-        self._yarns: fem.Expression | None = None
+        self._yarns: frame.Yarns | None = None
         self._shown: tuple[fem.Function, np.ndarray] | None = None
         if kinematics == "membrane":
             self._build_membrane(warp, element)
@@ -243,12 +243,10 @@ class Sheet:
 
     def yarns(self) -> np.ndarray:
         """Warp and weft of each local cell as they are now, shape (cells, 2, 3): unit vectors, moved and stretched."""
-        mesh = self.domain.mesh
         if self._yarns is None:
-            axes = frame.surface_axes(mesh, self._warp, 1)
-            rows = ufl.as_vector([c for a in axes for c in a + ufl.dot(ufl.grad(self.u), a)])
-            self._yarns = fem.Expression(rows, axes[0].function_space.element.interpolation_points)
-        return np.asarray(self._yarns.eval(mesh, self._everywhere()).reshape(-1, 2, 3))
+            mesh = self.domain.mesh
+            self._yarns = frame.Yarns(mesh, self.u, frame.surface_axes(mesh, self._warp, 1))
+        return self._yarns()
 
     def _everywhere(self) -> np.ndarray:
         """All local cells, ghosts included."""

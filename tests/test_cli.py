@@ -92,6 +92,18 @@ def scene(folder, text):
     return path
 
 
+def one_frame(folder):
+    """What a run of a single cell leaves behind for `view`."""
+    frames = folder / "frames"
+    frames.mkdir()
+    square = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], dtype=float)
+    mesh = {"dim": 3, "cells": [4, 0, 1, 2, 3], "kinds": [9], "points": square, "view": (1.0, -2.0, 1.2)}
+    np.savez(frames / "mesh.npz", **mesh, title="a cell", when="load {:g}")
+    yarns = np.eye(3)[None, :2]
+    np.savez(frames / "000000.npz", moved=0.1 * square, strain=[[0.1, 0.1, 0.0]], yarns=yarns, time=1.0)
+    return folder
+
+
 # --- what each verb does
 
 
@@ -125,6 +137,28 @@ def test_identify(command, tmp_path):
     again = fabrics.load(tmp_path / "out" / "fabric.toml")
     assert status == 0 and "fabric.toml" in said and (tmp_path / "out" / "report.pdf").exists()
     assert again.warp.stress(0.1) == pytest.approx(known.warp.stress(0.1), rel=0.01)
+
+
+def test_identify_ones_own_records(command, tmp_path):
+    """Records in other units; and a bias test alone, of which a report comes and no fabric."""
+    known = fabrics.load("muslin")
+    tests = synthetic.write(known, tmp_path / "records", 2, 0.02, 1)
+    command("identify", tests, "--out", tmp_path / "before")
+    for path in tests.parent.glob("warp_?.csv"):
+        word, _, *rows = path.read_text().splitlines()
+        rows = [[float(cell) for cell in row.split(",")] for row in rows]
+        lines = [f"{t:.9g};{d / 25.4:.9g};{-f / 4.4482216152605:.9g}".replace(".", ",") for t, d, f in reversed(rows)]
+        path.write_text("\n".join([word, "Time;Extension;Load", "(s);(in);(lbf)", *lines]))
+    status, said, _ = command("identify", tests, "--out", tmp_path / "own")
+    assert status == 0 and "sorted" in said and "sign is turned" in said and "--fabric" in said
+    again, before = (fabrics.load(tmp_path / name / "fabric.toml") for name in ("own", "before"))
+    assert np.allclose(again.warp.modulus, before.warp.modulus, rtol=1e-4)
+    bias = tests.with_name("bias.toml")
+    bias.write_text(tests.read_text().split("[records]")[0] + '[records]\nbias = ["bias_1.csv"]\n')
+    status, said, complaint = command("identify", bias, "--shear", "net", "--out", tmp_path / "net")
+    assert status == 2 and "not determined" in said and "under [assumed]" in complaint
+    assert not (tmp_path / "net" / "fabric.toml").exists()
+    look(tmp_path / "net" / "report.png")
 
 
 def test_run_and_view(command, tmp_path):
@@ -227,6 +261,28 @@ at = "sheet"
         ('kind = "grip"', 'kind = "lead"', "support[2].axis is missing"),
         ('at = "fixed_end"', 'at = "left"', "no physical group 'left'"),
         ("nx = 6", "nz = 6", "does not let nz be set"),
+        ("nx = 6", "nx = 0", "nx and ny must be at least 1"),
+        ("nx = 6", "length = -1", "length and width positive"),
+        ('fabric = "blend"', 'fabric = "blend"\nwarp = [0, 0, 0]', "sheet.warp = [0, 0, 0] is no direction"),
+        ('fabric = "blend"', 'fabric = "blend"\nwarp = {}', "sheet.warp = {} names no group"),
+        (
+            'fabric = "blend"',
+            'fabric = "blend"\nwarp = { sheet = [0, 0, 0] }',
+            "sheet.warp.sheet = [0, 0, 0] is no direc",
+        ),
+        ('at = "pulled_end"\nkind', 'at = "fixed_end"\nkind', "support[2].at = 'fixed_end' is held along x already"),
+        (
+            "[[probe]]",
+            '[[support]]\nat = "pulled_end"\nkind = "lead"\naxis = "z"\nshift_m = 1\n[[probe]]',
+            "along z already",
+        ),
+        (
+            "[[probe]]",
+            '[[probe]]\nname = "end"\nat = "pin"\naxis = "x"\n[[probe]]',
+            "probe[2].name = 'end' names another",
+        ),
+        ("steps = 2", "smallest = 7", "statics.smallest = 7 is more than a whole step"),
+        ('axis = "x"', "axis = 0", "probe[1].axis = 0 is not known; known are x, y, z"),
         ("strip.geo", "stripe.geo", "There is no mesh file"),
         ("steps = 2", "steps = 0", "statics.steps = 0 is not a whole number of at least 1"),
         ("[statics]", "[dynamics]\nend_s = 1\n[statics]", "keep [statics] or [dynamics]"),
@@ -250,11 +306,21 @@ def test_a_scene_that_cannot_be_is_refused_in_a_sentence(command, tmp_path, old,
         ("fabrics show tweed", 2, "'tweed' is no known fabric"),
         ("fabrics plot blend --out nowhere/a.png", 2, "cannot be written"),
         ("identify nowhere.toml", 2, "cannot be read"),
+        ("identify {broken}", 2, "is not TOML"),
         ("view nowhere", 2, "holds no frames"),
         ("view . --view 1,2", 2, "1,2 is not of the form"),
+        ("view {run} --out nowhere/a.png", 2, "'nowhere/a.png' cannot be written"),
+        ("view {run} --out a.xyz", 2, "'a.xyz' cannot be written"),
+        ("view {run} --animation --out nowhere/a.gif", 2, "'nowhere/a.gif' cannot be written"),
+        ("view {run} --frame 7", 2, "the run has the frames 0 to 0"),
+        ("view . --view 0,0,0", 2, "0,0,0 is no direction"),
+        ("view . --view nan,0,1", 2, "nan,0,1 is no direction"),
+        ("run {static} --resume {broken}", 2, "goes on with a motion"),
     ],
 )
-def test_bad_input_is_answered_in_a_sentence(command, words, status, reason):
+def test_bad_input_is_answered_in_a_sentence(command, tmp_path, words, status, reason):
+    static, broken = scene(tmp_path, STATIC).rename(tmp_path / "static.toml"), scene(tmp_path, "[mesh")
+    words = words.format(broken=broken, static=static, run=one_frame(tmp_path))
     found, _, complaint = command(*words.split())
     assert found == status and reason in complaint and "Traceback" not in complaint
     if "Usage" not in complaint:

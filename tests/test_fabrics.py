@@ -284,6 +284,7 @@ FAULTS = {
     "infinite": ("unloading_MPa = 900", "unloading_MPa = inf", ["warp.unloading_MPa = inf", "not a finite"]),
     "nan in list": ("200.5", "nan", ["warp.loading_MPa = [10, nan]", "not a finite"]),
     "nan ratio": ("nu21 = 0", "nu21 = nan", ["poisson.measured.nu21 = nan", "not a finite"]),
+    "in micrometres": ("thickness_mm = 0.5", "thickness_mm = 500", ["thickness_mm = 500 is not below test.width_mm"]),
     "huge": ("thickness_mm = 0.5", "thickness_mm = 1" + 400 * "0", ["thickness_mm = 1000", "not a finite"]),
     "five coefficients": ("[0.5]", "[1, 0, 0, 0, 0]", ["shear.loading_MPa = [1, 0, 0, 0, 0]", "one to four"]),
     "no coefficient": ("[0.5]", "[]", ["shear.loading_MPa = []", "one to four"]),

@@ -165,8 +165,8 @@ REFUSED = {
     "words.geo": ("these are words\n", "not a mesh that gmsh can read"),
     "empty.geo": ("", "holds no surface mesh"),
     "curve.geo": ("Point(1) = {0, 0, 0}; Point(2) = {1, 0, 0}; Line(1) = {1, 2};\n", "holds no surface mesh"),
-    "nothing_named.geo": (square.split("Physical")[0], "surfaces, all in physical groups"),
-    "curves_named.geo": (square.replace('Physical Surface("sheet") = {1};', ""), "surfaces, all in physical groups"),
+    "nothing_named.geo": (square.split("Physical")[0], "no physical group of surfaces"),
+    "curves_named.geo": (square.replace('Physical Surface("sheet") = {1};', ""), "no physical group of surfaces"),
     "solid.geo": (
         'SetFactory("OpenCASCADE"); Box(1) = {0, 0, 0, 1, 1, 1}; Mesh 3; Physical Volume("solid") = {1};\n',
         "and no volumes",

@@ -10,7 +10,7 @@ from mpi4py import MPI
 from dolfinx import fem
 from matplotlib import image
 
-from fabric_fenicsx import fabrics, results, statics
+from fabric_fenicsx import fabrics, pictures, results, statics, system
 from fabric_fenicsx.errors import InputError
 from fabric_fenicsx.laws import driver
 from fabric_fenicsx.laws.printed import Printed
@@ -168,9 +168,9 @@ def test_fields_are_written_and_a_picture_is_drawn(tmp_path, degree, capsys):
     text = b"".join(p.read_bytes() for p in series.iterdir())
     assert b"displacement_m" in text and b"axial_strain" in text
     path = shared(tmp_path) / "deformed.png"
-    results.picture(path, u, values, "axial strain", "a title")
+    pictures.picture(path, u, values, "axial strain", "a title")
     COMM.barrier()
-    if results.can_draw() is None:
+    if system.can_draw() is None:
         drawn = image.imread(path)[..., :3]
         white = (drawn > 0.99).all(axis=2)
         assert 0.2 < white.mean() < 0.95

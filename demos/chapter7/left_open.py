@@ -2,6 +2,8 @@
 
 import numpy as np
 
+from fabric_fenicsx import plots
+
 from . import page
 from .sections import NAMES, SAID, above, block, worst
 
@@ -12,7 +14,7 @@ DRAPE = "drape continuous"
 @block("7.2.1 Axial tests in warp and weft", "How large may Poisson's ratios be? Table 7.4")
 def table_7_4(r):
     found = r.fabrics("ratios", ("duck", "muslin"))
-    figure, axes = page.panels(len(found), 1, 3.8, 3.0)
+    figure, axes = plots.panels(len(found), 1, 3.8, 3.0)
     rows, words = [], []
     for one, (name, answer) in zip(axes, found.items(), strict=True):
         values = r.settings(f"ratios {name}")["values"]
@@ -23,10 +25,10 @@ def table_7_4(r):
                     if answer[f"{nu:g} {way} {law}"]["complete_up"] else np.nan
                     for nu in values
                 ]  # fmt: skip
-                color = page.COLORS[name] if way == "warp" else "0.35"
+                color = plots.style(name)["color"] if way == "warp" else "0.35"
                 one.plot(values, excess, style, marker=".", color=color, label=f"{way}, {law}")
         one.axvline(SAID["table_7_4"][name]["nu12"], color="k", lw=0.8, ls="--", label="Table 7.4")
-        page.name_axes(one, name, "nu12 = nu21", "above the fit at full displacement, %")
+        plots.label(one, name, "nu12 = nu21 (-)", "above the fit at full displacement (%)")
         bound = SAID["table_7_4"][name]["nu12"]
         stopped = [key for key, test in answer.items() if not test["complete_up"]]
         at = {way: answer[f"{bound:g} {way} continuous"]["above_fit_percent"] for way in ("warp", "weft")}
@@ -38,7 +40,7 @@ def table_7_4(r):
             f"for {name} it is {page.percent(at['warp'])} and {page.percent(at['weft'])} (warp, weft) at the bound and "
             f"{page.percent(high['warp'])} and {page.percent(high['weft'])} at {values[-1]:g}"
         )
-    page.legend(figure, 5)
+    plots.legend(figure, 5)
     return (
         page.settings(
             "27 bilinear elements, ends clamped, nu12 = nu21 of the values shown, continuous and printed law."
@@ -195,13 +197,15 @@ def energy(r):
 def increments(r):
     points, strips = r.fabrics("steps"), {name: r.get(f"increments {name}") for name in NAMES}
     strips = {name: answer for name, answer in strips.items() if answer}
-    figure, (one, two) = page.panels(2, 1, 3.8, 3.2)
+    figure, (one, two) = plots.panels(2, 1, 3.8, 3.2)
     rows, orders, exact = [], [], 0.0
     counts = points[next(iter(points))]["warp"]["steps"]
     for name, answer in points.items():
         for way in "warp", "weft":
             error = answer[way]["error_percent"]
-            one.loglog(counts, error, page.YARNS[way], marker=".", color=page.COLORS[name], label=f"{name}, {way}")
+            one.loglog(
+                counts, error, plots.YARNS[way], marker=".", color=plots.style(name)["color"], label=f"{name}, {way}"
+            )
             rows.append((f"{name}, {way}, a point", *[page.percent(e, 2) for e in error]))
             orders.append(np.log2(error[0] / error[1]))
             exact = max(exact, *np.abs(answer[way]["continuous_error_percent"]))
@@ -211,15 +215,15 @@ def increments(r):
             error = [np.nan if e is None else e for e in test["error_percent"]]
             if key.endswith("clamped"):
                 way = key.split()[0]
-                two.loglog(test["steps"], np.abs(error), page.YARNS[way], marker=".", color=page.COLORS[name],
+                two.loglog(test["steps"], np.abs(error), plots.YARNS[way], marker=".", color=plots.style(name)["color"],
                            label=f"{name}, {way}")  # fmt: skip
                 rows.append((f"{name}, {key}", *[page.percent(e, 2) for e in error]))
             cut += [f"{name} {key}"] * bool(np.isnan(error).all())
     for axes, title in (one, "material point, uniaxial stress"), (two, "27 elements between clamps"):
-        page.name_axes(axes, title, "increments up to the full load", "error of the peak stress, %")
+        plots.label(axes, title, "increments up to the full load (-)", "error of the peak stress (%)")
         axes.set_xticks(counts, [str(n) for n in counts])
         axes.minorticks_off()
-    page.legend(figure, 4)
+    plots.legend(figure, 4)
     first = [answer[way]["error_percent"][0] for answer in points.values() for way in ("warp", "weft")]
     last = [answer[way]["error_percent"][-1] for answer in points.values() for way in ("warp", "weft")]
     return (

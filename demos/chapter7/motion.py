@@ -32,12 +32,12 @@ def _play(demo, words, times, most):
     """Run a demo's scene to its end, to where it stops, or until it has taken `most` Newton iterations."""
     args, pictures, taken = _arguments(demo, words), {}, []
 
-    def watch(row, u, value):
+    def watch(row, *shown):
         t = row["time_s"]
         taken.append(row.get("newton_iterations", 0))
         for wanted in times:
             if abs(t - wanted) < 1e-9:
-                pictures[f"{wanted:g} s"] = draw(u, value, scene.label, f"{scene.name}, t = {t:.2f} s")
+                pictures[f"{wanted:g} s"] = draw(*shown, f"{scene.name}, t = {t:.2f} s")
         if sum(taken) > most:
             raise StepFailed(f"Given up at t = {t:g} s, after {sum(taken)} Newton iterations.")
 

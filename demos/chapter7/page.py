@@ -6,13 +6,6 @@ import io
 
 import numpy as np
 
-from fabric_fenicsx import pictures
-
-COLORS = {name: style["color"] for name, style in pictures.FABRICS.items()}
-YARNS = {"warp": "-", "weft": "--", "bias": ":"}
-FITTED = {"color": "#b0006d", "lw": 1.0, "ls": (0, (4, 3)), "zorder": 0}
-"""How a fitted curve is drawn everywhere."""
-
 STYLE = """
 body { font: 15px/1.5 Georgia, "DejaVu Serif", serif; color: #222; max-width: 60em; margin: 2em auto;
   padding: 0 1.2em; }
@@ -67,35 +60,6 @@ def table(caption, head, rows):
 
 def _number(cell):
     return ' class="n"' if str(cell)[:1] in "+-0123456789" and len(str(cell)) < 30 else ""
-
-
-def panels(across, down=1, width=3.5, height=2.9):
-    """A matplotlib figure and its axes, in one row."""
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(width * across, height * down), layout="constrained")
-    axes = figure.subplots(down, across, squeeze=False).ravel()
-    for one in axes:
-        one.grid(alpha=0.3)
-        one.tick_params(labelsize=8)
-    return figure, axes
-
-
-def name_axes(axes, title, x, y, **limits):
-    """Title and labels in the sizes of the page."""
-    axes.set_title(title, size=10)
-    axes.set_xlabel(x, size=9)
-    axes.set_ylabel(y, size=9)
-    axes.set(**limits)
-
-
-def legend(figure, columns=3):
-    """One legend below all panels, each label once."""
-    entries = {}
-    for axes in figure.axes:
-        for handle, label in zip(*axes.get_legend_handles_labels(), strict=True):
-            entries.setdefault(label, handle)
-    figure.legend(entries.values(), entries, loc="outside lower center", ncols=columns, fontsize=8, frameon=False)
 
 
 def drawn(figure, caption, *numbers):

@@ -2,6 +2,8 @@
 
 import numpy as np
 
+from fabric_fenicsx import plots
+
 from . import page
 from .sections import SAID, above, block, fitted
 
@@ -28,14 +30,16 @@ def miss(found, printed):
 @block(SECTION, "Curves along the yarns; Table 7.1")
 def tension(r):
     found = r.fabrics("material", ORDER)
-    figure, axes = page.panels(len(found), 1, 2.6, 2.6)
+    figure, axes = plots.panels(len(found), 1, 2.6, 2.6)
     rows, worst = [], 0.0
     for one, (name, answer) in zip(axes, found.items(), strict=True):
         printed = SAID["table_7_1"][name]
         for way in "warp", "weft":
             curve, n = answer[way], len(answer[way]["fitted_MPa"])
-            one.plot(curve["strain"], curve["stress_MPa"], page.YARNS[way], color=page.COLORS[name], label=way)
-            one.plot(curve["strain"][:n], curve["fitted_MPa"], label="fitted curve, Table 7.1", **page.FITTED)
+            one.plot(
+                curve["strain"], curve["stress_MPa"], plots.YARNS[way], color=plots.style(name)["color"], label=way
+            )
+            one.plot(curve["strain"][:n], curve["fitted_MPa"], label="fitted curve, Table 7.1", **plots.FITTED)
             difference = max(
                 miss(curve["loading_MPa"], printed[way]), miss([curve["unloading_MPa"]], [printed[f"{way}_unloading"]])
             )
@@ -44,8 +48,8 @@ def tension(r):
                 name, way, polynomial(printed[way]), polynomial(curve["loading_MPa"]),
                 f"{printed[f'{way}_unloading']:g}", f"{curve['unloading_MPa']:.5g}", f"{difference:.1g} %",
             ))  # fmt: skip
-        page.name_axes(one, name, "strain", "stress S, MPa", ylim=(0, None))
-    page.legend(figure, 3)
+        plots.label(one, name, "strain (-)", "stress S (MPa)", ylim=(0, None))
+    plots.legend(figure, 3)
     numbers = [f"7-{1 + ORDER.index(name)}" for name in found]
     steps = r.settings(f"material {next(iter(found))}")["steps"]
     return (
@@ -70,14 +74,14 @@ def tension(r):
 @block(SECTION, "Shear; Table 7.3")
 def shear(r):
     found = r.fabrics("material", ORDER)
-    figure, axes = page.panels(len(found), 1, 2.6, 2.6)
+    figure, axes = plots.panels(len(found), 1, 2.6, 2.6)
     rows, worst = [], 0.0
     for one, (name, answer) in zip(axes, found.items(), strict=True):
         printed, curve = SAID["table_7_3"][name], answer["shear"]
         n = len(curve["fitted_MPa"])
-        one.plot(curve["strain"], curve["stress_MPa"], color=page.COLORS[name], label="continuous law")
-        one.plot(curve["strain"][:n], curve["fitted_MPa"], label="fitted curve, Table 7.3", **page.FITTED)
-        page.name_axes(one, name, "shear strain E12", "shear stress S12, MPa")
+        one.plot(curve["strain"], curve["stress_MPa"], color=plots.style(name)["color"], label="continuous law")
+        one.plot(curve["strain"][:n], curve["fitted_MPa"], label="fitted curve, Table 7.3", **plots.FITTED)
+        plots.label(one, name, "shear strain E12 (-)", "shear stress S12 (MPa)")
         difference = max(
             miss(curve["loading_MPa"], printed["loading"]), miss([curve["unloading_MPa"]], [printed["unloading"]])
         )
@@ -86,7 +90,7 @@ def shear(r):
             name, polynomial(printed["loading"]), polynomial(curve["loading_MPa"]), f"{printed['unloading']:g}",
             f"{curve['unloading_MPa']:.5g}", f"{difference:.1g} %",
         ))  # fmt: skip
-    page.legend(figure, 2)
+    plots.legend(figure, 2)
     return (
         page.settings("one material point in shear alone, continuous law, up to the end of the bias test and down.")
         + page.drawn(figure, "Shear loading and unloading.", *[f"7-{5 + ORDER.index(name)}" for name in found])
@@ -184,7 +188,7 @@ def table_7_5(r):
 @block("7.4 Discussion", "The linear law beside the measured one")
 def linear(r):
     answer, cycles = r["material blend"], r["cycles blend"]
-    figure, axes = page.panels(2, 1, 3.8, 3.0)
+    figure, axes = plots.panels(2, 1, 3.8, 3.0)
     rows = []
     for one, way in zip(axes, ("warp", "weft"), strict=True):
         curve, n = answer[way], len(answer[way]["fitted_MPa"])
@@ -194,17 +198,22 @@ def linear(r):
             np.array(curve["linear_MPa"]),
         )
         history = cycles[f"{way} measured continuous"]["history"]
-        one.plot(history["axial_strain"], history["axial_stress_MPa"], color=page.COLORS["blend"], label="27 elements")
+        one.plot(
+            history["axial_strain"],
+            history["axial_stress_MPa"],
+            color=plots.style("blend")["color"],
+            label="27 elements",
+        )
         one.plot(strain, linear_, color="0.5", label="St. Venant-Kirchhoff, initial moduli")
-        one.plot(strain, fit, label="fitted curve, Table 7.1", **page.FITTED)
-        page.name_axes(one, f"blend, {way}", "strain", "stress S, MPa", ylim=(0, None))
+        one.plot(strain, fit, label="fitted curve, Table 7.1", **plots.FITTED)
+        plots.label(one, f"blend, {way}", "strain (-)", "stress S (MPa)", ylim=(0, None))
         for k, at in enumerate(SAID["linear"]["strains"]):
             model = above(cycles[f"{way} measured continuous"], "blend", way, at)
             svk = 100 * (at * linear_[-1] / strain[-1] / fitted("blend", way, at) - 1)
             said = SAID["linear"][way]
             rows.append((way, f"{100 * at:g} %", f"{said['model'][k]:g} %", f"{said['svk'][k]:g} %",
                          page.percent(model), page.percent(svk)))  # fmt: skip
-    page.legend(figure, 3)
+    plots.legend(figure, 3)
     return (
         page.drawn(figure, "Blend along warp and weft: the law, the linear law of its initial moduli, the fit.", "7-37")
         + page.table(

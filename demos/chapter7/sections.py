@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from fabric_fenicsx import fabrics
+from fabric_fenicsx import fabrics, plots
 
 from . import page
 
@@ -163,12 +163,12 @@ def trace_fit(axes, fabric, way, strain):
     """The fitted curve up to a strain."""
     E = np.linspace(0, strain, 100)
     label = "Table 7.3, yarns of constant length" if way == "bias" else "fitted curve, Table 7.1"
-    axes.plot(E, fitted(fabric, way, E), label=label, **page.FITTED)
+    axes.plot(E, fitted(fabric, way, E), label=label, **plots.FITTED)
 
 
 def looks(fabric):
     """Styles of the variants of a test, in the colour of the fabric."""
-    color = page.COLORS[fabric]
+    color = plots.style(fabric)["color"]
     return {
         "bilinear": {"color": color, "lw": 1.6},
         "refined": {"color": color, "lw": 1.3, "ls": "--"},

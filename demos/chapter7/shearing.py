@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from fabric_fenicsx import fabrics
+from fabric_fenicsx import fabrics, plots
 
 from . import page
 from .sections import ROW, SAID, above, block, ending, full, looks, row, trace
@@ -21,7 +21,7 @@ def named(shots):
 @block(BIAS, "Bias tests of the four fabrics")
 def bias(r):
     found = r.fabrics("cycles")
-    figure, axes = page.panels(len(found), 1, 2.6, 2.7)
+    figure, axes = plots.panels(len(found), 1, 2.6, 2.7)
     rows, misses = [], []
     for one, name in zip(axes, found, strict=True):
         variants, told = tests(r, name), SAID["bias"][name]
@@ -38,7 +38,7 @@ def bias(r):
             name, f"{told['agrees_to']:g}", f"+{told['above']:g} % at {told['at']:g}", *ours, f"{stretch:.3f}",
             ending(printed) if printed else "-",
         ))  # fmt: skip
-    page.legend(figure, 3)
+    plots.legend(figure, 3)
     said = [SAID["bias"][name]["above"] for name in found]
     answer = r.get("cycles blend")
     shots = answer["bias measured continuous"]["pictures"] if answer else {}
@@ -68,7 +68,7 @@ def off_axis(r):
     found = r.fabrics("off axis", ("blend", "denim"))
     asked = r.settings(f"off axis {next(iter(found))}")
     coarse, *finer = ("x".join(map(str, cells)) for cells in asked["meshes"])
-    figure, axes = page.panels(len(found) * len(asked["angles"]), 1, 2.6, 2.7)
+    figure, axes = plots.panels(len(found) * len(asked["angles"]), 1, 2.6, 2.7)
     axes, rows, moved = list(axes), [], []
     for name, answer in found.items():
         style = looks(name)
@@ -87,11 +87,11 @@ def off_axis(r):
                 tests[kind] = answer[key]
                 cells = row(answer[key], name, "warp")
                 rows.append((name, f"{angle}°", f"{key.split()[2]}, {key.split()[1]}", cells[0], *cells[3:]))
-            page.name_axes(one, f"{name}, {angle}°", "axial strain", "axial stress S, MPa", ylim=(0, None))
+            plots.label(one, f"{name}, {angle}°", "axial strain (-)", "axial stress S (MPa)", ylim=(0, None))
             if "refined" in tests:
                 ratio = tests["bilinear"]["top"]["axial_stress_MPa"] / tests["refined"]["top"]["axial_stress_MPa"]
                 moved.append(f"{page.percent(100 * (ratio - 1))} for {name} at {angle}°")
-    page.legend(figure, 3)
+    plots.legend(figure, 3)
     printed = [test for answer in found.values() for key, test in answer.items() if key.endswith("printed")]
     through = sum(full(test) for test in printed)
     shots = next(iter(found.values()))[f"30 {coarse} continuous"]["pictures"]
@@ -115,7 +115,7 @@ def off_axis(r):
 def _shear(r, cycle, title, number, say):
     answer = r[f"shear {cycle} blend"]
     steps = r.settings(f"shear {cycle} blend")["steps"]
-    figure, (one, two) = page.panels(2, 1, 3.8, 3.0)
+    figure, (one, two) = plots.panels(2, 1, 3.8, 3.0)
     curve = fabrics.load("blend").shear
     for axes, law in (one, "continuous"), (two, "printed"):
         history = answer[law]["history"]
@@ -123,9 +123,9 @@ def _shear(r, cycle, title, number, say):
         style = looks("blend")["bilinear"] if law == "continuous" else {"color": "0.4", "marker": "x", "ms": 3.5}
         axes.plot(gamma, S12, **style)
         E = np.linspace(gamma.min(), gamma.max(), 200)
-        axes.plot(E, np.sign(E) * curve.stress(2 * np.abs(E)) / 1e6, label="fitted curve, Table 7.3", **page.FITTED)
-        page.name_axes(axes, f"blend, {law} law", "shear strain E12", "shear stress S12, MPa")
-    page.legend(figure)
+        axes.plot(E, np.sign(E) * curve.stress(2 * np.abs(E)) / 1e6, label="fitted curve, Table 7.3", **plots.FITTED)
+        plots.label(axes, f"blend, {law} law", "shear strain E12 (-)", "shear stress S12 (MPa)")
+    plots.legend(figure)
     now, printed = answer["continuous"], answer["printed"]
     told = "it runs through" if not printed["stopped"] else (
         f"it stops after {len(printed['history'].get('step', []))} of {len(now['history']['step'])} steps: E11 stays "

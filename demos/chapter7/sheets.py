@@ -5,7 +5,7 @@ import moving
 import numpy as np
 import poke as poke_demo
 
-from fabric_fenicsx import fabrics
+from fabric_fenicsx import fabrics, plots
 
 from . import page
 from .sections import SAID, block, looks
@@ -19,7 +19,7 @@ DRAPE, POKE = "7.3.2 Draping fabric from four corners", "7.3.3 Poking fabric"
 def stretch(r):
     found = r.fabrics("stretch", ("blend", "denim"))
     asked = r.settings(f"stretch {next(iter(found))}")
-    figure, axes = page.panels(len(found), 1, 3.8, 3.2)
+    figure, axes = plots.panels(len(found), 1, 3.8, 3.2)
     rows = []
     for one, (name, answer) in zip(axes, found.items(), strict=True):
         given, factor = fabrics.load(name), 1 / (1 - np.prod(fabrics.load(name).poisson["measured"]))
@@ -27,7 +27,7 @@ def stretch(r):
             for law, test in answer.items():
                 history, peak = test["history"], test["peak"]
                 E, S = (np.insert(history[key], 0, 0.0) for key in ("axial_strain", f"{column}_stress_MPa"))
-                style = {"color": page.COLORS[name], "ls": page.YARNS[yarn]}
+                style = {"color": plots.style(name)["color"], "ls": plots.YARNS[yarn]}
                 if law == "printed":
                     style = looks(name)["printed"]
                 one.plot(E, S, label="law as printed" if law == "printed" else f"{yarn}, 1:1 strain", **style)
@@ -43,9 +43,9 @@ def stretch(r):
                     )
                     rows.append((name, yarn, law, *numbers, "stopped later" if test["stopped"] else "complete"))
             smooth = np.linspace(0, E.max(), 60)
-            one.plot(smooth, getattr(given, yarn).stress(smooth) / 1e6, label="uniaxial, Table 7.1", **page.FITTED)
-        page.name_axes(one, name, "strain E11 = E22", "stress S, MPa")
-    page.legend(figure, 4)
+            one.plot(smooth, getattr(given, yarn).stress(smooth) / 1e6, label="uniaxial, Table 7.1", **plots.FITTED)
+        plots.label(one, name, "strain E11 = E22 (-)", "stress S (MPa)")
+    plots.legend(figure, 4)
     ratios = [f"{row[6]} ({row[0]}, {row[1]})" for row in rows if row[2] == "continuous"]
     return (
         page.settings(
@@ -95,17 +95,17 @@ def drape(r):
     found = {name: answer for name, answer in found.items() if answer}
     blend = r["drape continuous blend"]
     asked = r.settings("drape continuous blend")
-    figure, (one,) = page.panels(1, 1, 5.5, 3.0)
+    figure, (one,) = plots.panels(1, 1, 5.5, 3.0)
     rows = []
     for name, answer in found.items():
         fabric, printed = name.split(",")[0], "printed" in name
         history = answer["history"]
-        style = {"color": "0.4" if printed else page.COLORS[fabric], "ls": "--" if "off" in name else "-"}
+        style = {"color": "0.4" if printed else plots.style(fabric)["color"], "ls": "--" if "off" in name else "-"}
         one.plot(history["time_s"], history["center_z_m"], label=name, **style)
         left = 100 * history["kinetic_J"][-1] / max(answer["external_work_most_J"], 1e-300)
         rows.append((name, f"{history['center_z_m'][-1]:.3f}", f"{left:.1f} %", *energies(answer)))
-    page.name_axes(one, "", "time, s", "height of the centre, m")
-    page.legend(figure, 3)
+    plots.label(one, "", "time (s)", "height of the centre (m)")
+    plots.legend(figure, 3)
     t, z = (np.array(blend["history"][key]) for key in ("time_s", "center_z_m"))
     low, last = int([*np.flatnonzero(np.diff(z) > 0), len(z) - 1][0]), max(len(z) - 5, 1)
     left = 100 * blend["history"]["kinetic_J"][-1] / blend["external_work_most_J"]
@@ -146,11 +146,11 @@ def poke(r):
     svk, law = r["poke svk blend"], r["poke continuous blend"]
     asked = r.settings("poke svk blend")
     given, rows, words = fabrics.load("blend"), [], []
-    figure, axes = page.panels(2, 1, 3.8, 3.1)
+    figure, axes = plots.panels(2, 1, 3.8, 3.1)
     for one, (element, k, yarn) in zip(axes, ((207, 1, "warp"), (271, 2, "weft")), strict=True):
         peak = 0.0
         for name, answer, style in (
-            ("fabric law", law, {"color": page.COLORS["blend"], "marker": ".", "ms": 3}),
+            ("fabric law", law, {"color": plots.style("blend")["color"], "marker": ".", "ms": 3}),
             ("St. Venant-Kirchhoff", svk, {"color": "0.5", "marker": ".", "ms": 3}),
         ):
             E, S = (
@@ -161,9 +161,9 @@ def poke(r):
             peak = max(peak, E.max())
             words.append((element, name, S.max(), E[S.argmax()], E[-1], E.max()))
         strain = np.linspace(0, peak, 80)
-        one.plot(strain, getattr(given, yarn).stress(strain) / 1e6, label="uniaxial, Table 7.1", **page.FITTED)
-        page.name_axes(one, f"element {element}", f"{yarn} strain E{k}{k}", f"{yarn} stress S{k}{k}, MPa")
-    page.legend(figure)
+        one.plot(strain, getattr(given, yarn).stress(strain) / 1e6, label="uniaxial, Table 7.1", **plots.FITTED)
+        plots.label(one, f"element {element}", f"{yarn} strain E{k}{k} (-)", f"{yarn} stress S{k}{k} (MPa)")
+    plots.legend(figure)
     for name, answer in found.items():
         history = answer["history"]
         strain = history["element_207_E11"]
@@ -208,7 +208,7 @@ def poke(r):
 
 def _grid():
     """The element numbers of Figure 7-32."""
-    figure, (axes,) = page.panels(1, 1, 4.2, 4.2)
+    figure, (axes,) = plots.panels(1, 1, 4.2, 4.2)
     axes.grid(False)
     colors = np.ones((20, 20, 3))
     colors[8:12, 8:12] = (0.75, 0.85, 1.0)

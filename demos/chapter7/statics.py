@@ -17,10 +17,11 @@ import simple_shear
 import tensile
 from mpi4py import MPI
 
-from fabric_fenicsx import fabrics, results
+from fabric_fenicsx import fabrics, pictures
+from fabric_fenicsx.laws import named
 
 warnings.filterwarnings("ignore", message=".*beyond the measured")  # the sections say it
-LAWS = tensile.LAWS
+LAWS = named.MEASURED
 WAYS = {"warp": 0.0, "weft": 90.0, "bias": 45.0}
 
 
@@ -43,10 +44,10 @@ def thumbnail(path, width=560):
 
 
 def draw(*words, **more):
-    """`results.picture`, as text for a page."""
+    """`pictures.picture`, as text for a page."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "picture.png"
-        results.picture(path, *words, **more)
+        pictures.picture(path, *words, **more)
         return thumbnail(path)
 
 
@@ -55,13 +56,13 @@ def test(case, shots=()):
 
     shots: numbers of steps, -1 for the last one.
     """
-    scene, pictures = tensile.strip(case), {}
+    scene, views = tensile.strip(case), {}
     shown, refresh = tensile.displacement(case, scene[0])
 
     def shoot(name, hook, load):
         refresh()
         title = f"{case.fabric.name}, warp at {case.angle:g} degrees, {load * 1e3:.3g} mm"
-        pictures[name] = draw(shown, tensile.axial_strain(case, hook), "axial strain", title)
+        views[name] = draw(case, shown, hook, title)
 
     def watch(step, hook):
         if step.number in shots:
@@ -78,7 +79,7 @@ def test(case, shots=()):
         "stopped": stopped,
         "stopped_on_the_way_up": bool(stopped) and len(table.rows) < peak,
         "displacement_mm": case.displacement * 1e3,
-        "pictures": pictures,
+        "pictures": views,
     }
 
 
@@ -128,7 +129,7 @@ def buckled(fabric, steps, cells, height_mm):
         fabrics.load(fabric), steps=steps, cells=tuple(cells), kinematics="shell", imperfection=height_mm * 1e-3,
         whole=True,
     )  # fmt: skip
-    scene, pictures = tensile.strip(case), {}
+    scene, views = tensile.strip(case), {}
     shown, refresh = tensile.displacement(case, scene[0])
     heights = []
 
@@ -137,15 +138,15 @@ def buckled(fabric, steps, cells, height_mm):
         heights.append(1e3 * float(np.abs(shown.x.array[2::3]).max()))
         if step.number in (1, steps) or step.load == 0.0:
             title = f"{case.fabric.name}, {step.load * 1e3:.3g} mm"
-            view = draw(shown, tensile.axial_strain(case, hook), "axial strain", title, view=(0.5, -2.0, 0.9))
-            pictures[f"{step.load * 1e3:.3g} mm"] = view
+            view = draw(case, shown, hook, title, view=(0.5, -2.0, 0.9))
+            views[f"{step.load * 1e3:.3g} mm"] = view
 
     table, peak, stopped = tensile.run(case, scene=scene, watch=watch)
     return {
         "history": columns(table) | {"height_mm": heights},
         "peak": peak,
         "stopped": stopped,
-        "pictures": pictures,
+        "pictures": views,
     }
 
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from fabric_fenicsx import fabrics
+from fabric_fenicsx import fabrics, plots
 
 from . import page
 from .sections import ROW, SAID, above, block, ending, fitted, full, looks, row, trace, trace_fit, worst
@@ -44,7 +44,7 @@ def draw(r, found, fabric, ways, panels):
             point = material[way]
             n = len(point["fitted_MPa"])
             one.plot(point["strain"][:n:2], point["stress_MPa"][:n:2], label=LABELS["element"], **style["element"])
-        page.name_axes(one, f"{fabric}, {way}", "axial strain", "axial stress S, MPa", ylim=(0, None))
+        plots.label(one, f"{fabric}, {way}", "axial strain (-)", "axial stress S (MPa)", ylim=(0, None))
 
 
 def verdict(found, fabric, way):
@@ -90,9 +90,9 @@ def cycle_block(fabric):
     def write(r):
         found = tests(r, fabric)
         given, steps = fabrics.load(fabric), r.settings(f"cycles {fabric}")["steps"]
-        figure, axes = page.panels(3, 1, 3.4, 3.1)
+        figure, axes = plots.panels(3, 1, 3.4, 3.1)
         draw(r, found, fabric, ("warp", "weft", "bias"), axes)
-        page.legend(figure, 3)
+        plots.legend(figure, 3)
         names = {
             "bilinear": "continuous, 27", "refined": "continuous, refined", "printed": "printed, 27",
             "lowered": "continuous, 27, lowered (*)", "lowered printed": "printed, 27, lowered (*)",
@@ -186,7 +186,7 @@ def buckled(r):
 @block(YARNS, "Contraction across the load")
 def across(r):
     found = r.fabrics("cycles")
-    figure, axes = page.panels(len(found), 1, 2.6, 2.7)
+    figure, axes = plots.panels(len(found), 1, 2.6, 2.7)
     rows, words, shares = [], [], []
     for one, name in zip(axes, found, strict=True):
         variants, style = tests(r, name), looks(name)
@@ -195,7 +195,7 @@ def across(r):
             if material:
                 n = len(material[way]["fitted_MPa"])
                 label = "single element, measured ratios"
-                one.plot(material[way]["strain"][:n], material[way]["transverse"][:n], label=label, **page.FITTED)
+                one.plot(material[way]["strain"][:n], material[way]["transverse"][:n], label=label, **plots.FITTED)
             slopes = {}
             for kind in ("bilinear", "refined", "lowered"):
                 if way not in variants.get(kind, {}):
@@ -204,7 +204,7 @@ def across(r):
                 n = test["peak"]
                 E, T = (np.array(test["history"][key][:n]) for key in ("axial_strain", "transverse_strain"))
                 label = f"{LABELS[kind]}, {way}" if kind == "bilinear" else LABELS[kind]
-                look = style[kind] | ({"ls": page.YARNS[way]} if kind == "bilinear" else {})
+                look = style[kind] | ({"ls": plots.YARNS[way]} if kind == "bilinear" else {})
                 one.plot(E, T, label=label, **look)
                 slopes[kind] = -T[-1] / E[-1]
             nu = fabrics.load(name).poisson["measured"][way == "weft"]
@@ -213,8 +213,8 @@ def across(r):
             shares.append(slopes["bilinear"] / nu)
             if "lowered" in slopes:
                 words.append(f"{100 * slopes['lowered'] / nu:.0f} % for {name} along the {way}")
-        page.name_axes(one, name, "axial strain", "transverse strain")
-    page.legend(figure, 3)
+        plots.label(one, name, "axial strain (-)", "transverse strain (-)")
+    plots.legend(figure, 3)
     return (
         page.settings("transverse strain is the mean over the middle third of the strip, where nothing holds it.")
         + page.drawn(figure, "Transverse against axial strain on the way up.", *[ACROSS[name] for name in found])
@@ -237,14 +237,14 @@ def across(r):
 def reload(r):
     answer = r["reload blend"]
     test, steps = answer["clamped continuous"], r.settings("reload blend")["steps"]
-    figure, (one, two) = page.panels(2, 1, 3.8, 3.0)
+    figure, (one, two) = plots.panels(2, 1, 3.8, 3.0)
     for axes, ends in (one, "clamped"), (two, "free"):
         now = answer[f"{ends} continuous"]
         trace_fit(axes, "blend", "warp", max(now["history"]["axial_strain"]))
         trace(axes, now, "continuous law", **looks("blend")["bilinear"])
         trace(axes, answer[f"{ends} printed"], "law as printed", **looks("blend")["printed"])
-        page.name_axes(axes, f"blend, warp, ends {ends}", "axial strain", "axial stress S, MPa", ylim=(0, None))
-    page.legend(figure, 3)
+        plots.label(axes, f"blend, warp, ends {ends}", "axial strain (-)", "axial stress S (MPa)", ylim=(0, None))
+    plots.legend(figure, 3)
     S = np.array(test["history"]["axial_stress_MPa"])
     first, low, again = S[steps - 1], S[2 * steps - 1], answer["free continuous"]
     back = fitted("blend", "warp", again["history"]["axial_strain"][3 * steps - 1])

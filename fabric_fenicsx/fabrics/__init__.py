@@ -1,7 +1,8 @@
 """Measured woven fabrics as data: the four of R. W. Williams' 2010 thesis, and a user's own from a TOML file.
 
 `load("blend")` or `load("my_fabric.toml")` returns a `Fabric` in SI units; `names()` lists the fabrics that
-come with the package. A file that is incomplete or contradicts physics is refused in one sentence (`InputError`).
+come with the package, and `compare` draws several. A file that is incomplete or contradicts physics is refused in
+one sentence (`InputError`).
 The built-in files, beside this one, are the pattern for a user's own.
 
 Where the thesis contradicts itself, these files follow the reading that its own numbers support:
@@ -23,7 +24,7 @@ or at the file's `limit_strain`. For shear, E is the tensor component E12 of the
 stretch there, E11 + E22 = 0, so that the axial strain (E11 + E22)/2 + E12 is E12.
 """
 
-from fabric_fenicsx.fabrics.data import Curve, Fabric
+from fabric_fenicsx.fabrics.data import Curve, Fabric, compare
 from fabric_fenicsx.fabrics.reading import load, names
 
-__all__ = ["Curve", "Fabric", "load", "names"]
+__all__ = ["Curve", "Fabric", "compare", "load", "names"]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from os import PathLike
 from typing import TYPE_CHECKING
@@ -70,27 +71,38 @@ class Fabric:
 
         Raises OSError where the path cannot be written, ValueError where its ending is no picture format.
         """
-        from matplotlib.figure import Figure
+        from .. import plots
 
-        figure = Figure(figsize=(10.5, 3.8), layout="constrained")
-        curves = {"warp": self.warp, "weft": self.weft, "shear": self.shear}
-        symbols = (("E_{11}", "S_{11}"), ("E_{22}", "S_{22}"), (r"\gamma = 2E_{12}", "S_{12}"))
-        for axes, (title, curve), (strain, stress) in zip(figure.subplots(1, 3), curves.items(), symbols, strict=True):
+        figure, panels = plots.panels(3, width=3.5, height=3.8)
+        for axes, (way, (strain, stress)) in zip(panels, plots.SYMBOLS.items(), strict=True):
+            curve, look = getattr(self, way), {"color": plots.style(self.name)["color"]}
             measured = np.linspace(0.0, curve.limit, 200)
             beyond = np.array([1.0, 1.25]) * curve.limit
             peak = float(curve.stress(curve.limit))
             slack = curve.limit - peak / curve.unloading
-            axes.plot(measured, curve.stress(measured) / 1e6, "k-", label="loading, measured range")
-            axes.plot(beyond, curve.stress(beyond) / 1e6, "k:", label="continued along its tangent")
-            axes.plot([curve.limit, slack], [peak / 1e6, 0.0], "--", color="0.4", label="unloading")
-            axes.plot(curve.limit, peak / 1e6, "ko", markersize=4, label="calibrated limit")
-            axes.set(title=title, xlabel=f"strain ${strain}$ (-)", ylabel=f"stress ${stress}$ (MPa)")
-            axes.set(xlim=(0.0, None), ylim=(0.0, None))
+            axes.plot(measured, curve.stress(measured) / 1e6, "-", label="loading, measured range", **look)
+            axes.plot(beyond, curve.stress(beyond) / 1e6, ":", label="continued along its tangent", **look)
+            axes.plot([curve.limit, slack], [peak / 1e6, 0.0], "--", label="unloading", **look)
+            axes.plot(curve.limit, peak / 1e6, "o", markersize=4, label="calibrated limit", **look)
+            plots.label(axes, way, f"strain ${strain}$ (-)", f"stress ${stress}$ (MPa)", xlim=(0, None), ylim=(0, None))
             axes.locator_params(nbins=6)
-            axes.grid(color="0.9")
-            axes.spines[["top", "right"]].set_visible(False)
-        figure.legend(*figure.axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=4, frameon=False)
-        figure.suptitle(f"{self.name} ({self.label}): {self.material.lower()}, {self.weave.lower()} weave")
+        plots.legend(figure, 4)
+        figure.suptitle(f"{self.name} ({self.label}): {self.material.lower()}, {self.weave.lower()} weave", size=11)
         if path is not None:
             figure.savefig(path, dpi=150)
         return figure
+
+
+def compare(fabrics: Sequence[Fabric], path: str | PathLike[str]) -> None:
+    """Draw stress of first loading against strain of several fabrics: a panel each for warp, weft and shear."""
+    from .. import plots
+
+    figure, panels = plots.panels(3, width=3.5, height=4.0)
+    for axes, (way, (strain, stress)) in zip(panels, plots.SYMBOLS.items(), strict=True):
+        for fabric in fabrics:
+            curve = getattr(fabric, way)
+            E = np.linspace(0.0, curve.limit, 101)
+            axes.plot(E, curve.stress(E) / 1e6, label=fabric.name, markevery=20, ms=4, **plots.style(fabric.name))
+        plots.label(axes, way, f"strain ${strain}$ (-)", f"stress ${stress}$ (MPa)", xlim=(0, None), ylim=(0, None))
+    plots.legend(figure, 4)
+    figure.savefig(path, dpi=150)

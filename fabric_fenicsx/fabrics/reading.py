@@ -46,6 +46,10 @@ def _fabric(file: Table) -> Fabric:
     moved_mm = {way: test.positive(f"{way}_displacement_mm") for way in ("warp", "weft", "bias")}
     reach = {way: d / gauge_mm + (d / gauge_mm) ** 2 / 2 for way, d in moved_mm.items()}  # (3.2)
 
+    width_mm = test.positive("width_mm")
+    if file.positive("thickness_mm") >= width_mm:
+        file.refuse("thickness_mm", f"is not below test.width_mm = {width_mm:g}", "give both in mm")
+
     poisson = file.table("poisson")
     poisson.expect("measured", "lowered")
     sources = file.table("sources") if "sources" in file.entries else Table(file.file, "sources.", {})
@@ -62,7 +66,7 @@ def _fabric(file: Table) -> Fabric:
             "lowered": _ratios(poisson.table("lowered" if "lowered" in poisson.entries else "measured")),
         },
         gauge_length=gauge_mm / 1000,
-        width=test.positive("width_mm") / 1000,
+        width=width_mm / 1000,
         displacement={way: d / 1000 for way, d in moved_mm.items()},
         sources={key: sources.text(key) for key in sources.entries},
     )

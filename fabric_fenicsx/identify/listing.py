@@ -77,9 +77,8 @@ def read(path: str | Path) -> Tests:
             raise InputError(f"{path}: records.{key} names {twice!r} twice; a file is one specimen, so leave one out.")
         records[key] = [Path(path).parent / name for name in names]
     columns = entries.get("columns", [])
-    if not isinstance(columns, list) or not all(
-        isinstance(name, str) and not set(name) & set(",;\t") for name in columns
-    ):
+    texts = isinstance(columns, list) and all(isinstance(name, str) for name in columns)
+    if not texts or set("".join(columns)) & set(",;\t"):
         raise InputError(f'{path}: columns is not a list of names; write ["displacement (mm)", "force (N)"], say.')
     if not any(key in records for key in ("warp", "weft", "bias")):
         raise InputError(f"{path}: records names no tensile test; add warp, weft or bias.")

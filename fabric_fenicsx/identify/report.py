@@ -83,7 +83,7 @@ def _data(axes: "Axes", curve: Curve) -> None:
 
 def _curve(axes: "Axes", found: Identified, way: str) -> None:
     stress = SYMBOLS[way][1]
-    if not _frame(axes, way, "", f"${stress}$, MPa", way in found.curves):
+    if not _frame(axes, way, "", f"${stress}$ (MPa)", way in found.curves):
         return
     curve = found.curves[way]
     _data(axes, curve)
@@ -96,7 +96,7 @@ def _curve(axes: "Axes", found: Identified, way: str) -> None:
 def _misfit(axes: "Axes", found: Identified, way: str) -> None:
     known = way in found.curves and bool(found.curves[way].readings)
     word = "fitted to the force of the bias test" if way in found.curves else "not determined"
-    if not _frame(axes, "", f"${SYMBOLS[way][0]}$", "misfit, %", known, word):
+    if not _frame(axes, "", f"${SYMBOLS[way][0]}$ (-)", "misfit (%)", known, word):
         return
     fit = found.curves[way].loading
     top = float(fit.stress(np.array(fit.limit)))
@@ -109,7 +109,7 @@ def _misfit(axes: "Axes", found: Identified, way: str) -> None:
 
 def _ratio(axes: "Axes", found: Identified, key: str, test: str) -> None:
     title = rf"$\nu_{{{key[2:]}}}$, {test}"
-    if not _frame(axes, title, "strain along the load", "strain across", key in found.poisson):
+    if not _frame(axes, title, "strain along the load (-)", "strain across (-)", key in found.poisson):
         return
     for k, one in enumerate(found.contractions[key]):
         axes.plot(one.along, one.across, ".", ms=2.5, color=f"C{k}", alpha=0.6)
@@ -119,7 +119,7 @@ def _ratio(axes: "Axes", found: Identified, key: str, test: str) -> None:
 
 def _bias(axes: "Axes", found: Identified) -> None:
     known = found.bias is not None
-    if _frame(axes, "bias test as it was pulled", "axial strain", "axial stress $S$, MPa", known) and found.bias:
+    if _frame(axes, "bias test as it was pulled", "axial strain (-)", "axial stress $S$ (MPa)", known) and found.bias:
         _data(axes, found.bias)
         shear = found.curves.get("shear")
         if shear and shear.simulated:

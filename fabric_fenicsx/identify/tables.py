@@ -45,10 +45,10 @@ class Table:
         return kind, self.values[:, index] * factor
 
 
-def read_table(path: str | Path, recognise: Sequence[str], example: str, columns: Sequence[str] = ()) -> Table:
+def read_table(path: str | Path, recognise: Sequence[str], example: str, unnamed: Sequence[str] = ()) -> Table:
     """The columns below the first line in which every one of the words `recognise` (regular expressions) is met.
 
-    `example` is such a line, for the sentence that says that there is none. A file without one has the `columns`, if
+    `example` is such a line, for the sentence that says that there is none. A file without one has the columns `unnamed`, if
     they are given, from its first line of numbers on.
     """
     file = Path(path).name
@@ -66,10 +66,10 @@ def read_table(path: str | Path, recognise: Sequence[str], example: str, columns
         text = raw.decode("latin-1")  # what most testing machines write
     lines = [(n, line) for n, line in enumerate(text.splitlines(), 1) if line.strip() and not line.startswith("#")]
     start = next((k for k, (_, line) in enumerate(lines) if _names_columns(line, recognise)), None)
-    if start is None and columns:
+    if start is None and unnamed:
         start = next((k for k, (_, line) in enumerate(lines) if _is_number(line.split(_mark(line))[0])), len(lines))
         mark = _mark(lines[start][1]) if start < len(lines) else ","
-        lines.insert(start, (0, mark.join(columns)))
+        lines.insert(start, (0, mark.join(unnamed)))
     if start is None:
         wanted = " and one with ".join(" or ".join(words.replace("|", ", ").rsplit(", ", 1)) for words in recognise)
         raise InputError(

@@ -171,22 +171,16 @@ class Result:
 
     def plot(self, path: str | PathLike[str] | None = None) -> Any:
         """Draw each stress component in MPa over its strain; save to `path` if given; return the figure."""
-        from matplotlib.figure import Figure
+        from .. import plots
 
-        figure = Figure(figsize=(6, 4), layout="constrained")
-        axes = figure.subplots()
+        figure, (axes,) = plots.panels(1, width=5.5, height=4.2)
         m = self.strain.shape[1]
         for k, ij in enumerate(("11", "22", "12") if m == 3 else map(str, range(m))):
-            shear = "2" if ij == "12" else ""
-            axes.plot(
-                self.strain[:, k],
-                self.stress[:, k] / 1e6,
-                ".-",
-                label=f"$S_{{{ij}}}$ over ${shear}E_{{{ij}}}$",
-            )
-        axes.set(xlabel="Green-Lagrange strain", ylabel="second Piola-Kirchhoff stress [MPa]")
+            name = f"$S_{{{ij}}}$ over ${'2' if ij == '12' else ''}E_{{{ij}}}$"
+            axes.plot(self.strain[:, k], self.stress[:, k] / 1e6, label=name, ms=3, **plots.series(k))
+        plots.label(axes, "", "Green-Lagrange strain (-)", "second Piola-Kirchhoff stress (MPa)")
         axes.axhline(0, color="0.7", lw=0.8, zorder=0)
-        axes.legend()
+        plots.legend(figure)
         if path is not None:
             figure.savefig(path, dpi=150)
         return figure

@@ -11,10 +11,7 @@ from ufl.form import Form
 
 from .. import fabrics, frame, meshing, supports, weakform
 from ..errors import InputError
-from ..laws import Law
-from ..laws.printed import Printed
-from ..laws.svk import StVenantKirchhoff
-from ..laws.woven import Woven
+from ..laws import named
 from ..sheet import Sheet
 from .reading import Load, Scene, Support
 
@@ -41,12 +38,7 @@ def build(scene: Scene, comm: MPI.Comm = MPI.COMM_WORLD) -> Built:
     """Read mesh and fabric, and make the sheet. Raises InputError, on every rank, for what does not fit together."""
     fabric = fabrics.load(scene.fabric)
     domain = meshing.read(scene.mesh, comm, 3, scene.orient, **scene.numbers)
-    law: Law
-    if scene.law == "svk":
-        law = StVenantKirchhoff.from_fabric(fabric, scene.poisson)
-    else:
-        kind = {"continuous": Woven, "printed": Printed}[scene.law]
-        law = kind(fabric, scene.poisson, shear_hysteresis=scene.shear_hysteresis)
+    law = named.law(scene.law, fabric, scene.poisson, scene.shear_hysteresis)
     G = fabric.shear.modulus[0]
     warp = scene.warp if isinstance(scene.warp, tuple) else frame.patches(domain, scene.warp)
     cloth = Sheet(domain, law, fabric.thickness, (G, G), warp, scene.kinematics, scene.element, scene.layers)

@@ -62,6 +62,8 @@ from .. import entries
 from ..directors import ELEMENTS
 from ..entries import Table
 from ..frames import LABELS
+from ..laws.named import NAMES
+from ..pictures import VIEW
 
 AXES = ("x", "y", "z")
 LOADS = {
@@ -160,12 +162,19 @@ def read(path: str | Path) -> Scene:
     end, rho, damping = how.positive("end_s", 1.0), how.real("rho", 0.8), how.real("damping_per_s", 0.0)
     if not 0.0 <= rho <= 1.0:
         how.refuse("rho", "is not from 0 to 1", "take 0.8, or 1 for no dissipation by the scheme")
+    smallest = how.positive("smallest", 1 / 64)
+    if smallest > 1.0:
+        how.refuse("smallest", "is more than a whole step", "give the part of a step below which none is cut, up to 1")
     if damping < 0.0:
         how.refuse("damping_per_s", "is negative", "give 0 or more")
+    supports = tuple(_support(table, dynamic, end) for table in file.tables("support"))
+    _once(file.tables("support"), [[(s.at, axis) for axis in _axes(s)] for s in supports], "is held along {1} already")
+    probes = tuple(_probe(table) for table in file.tables("probe"))
+    _once(file.tables("probe"), [[(p.name, AXES[p.axis])] for p in probes], "names another probe along {1}", "name")
     output = file.table("output") if "output" in file.entries else Table(file.file, "output.", {})
     output.expect("", "colour view animation")
     element = sheet.choice("element", tuple(ELEMENTS)) if "element" in sheet.entries else None
-    view = output.numbers("view", 3) if "view" in output.entries else (1.0, -2.0, 1.2)
+    view = output.numbers("view", 3) if "view" in output.entries else VIEW
     if not any(view):
         output.refuse("view", "is no direction", "write it as [1, -2, 1.2]")
     return Scene(
@@ -175,20 +184,20 @@ def read(path: str | Path) -> Scene:
         numbers={key: numbers.number(key, value) for key, value in numbers.entries.items()},
         orient=mesh.yes("orient"),
         fabric=str(path.parent / fabric) if fabric.endswith(".toml") else fabric,
-        law=sheet.choice("law", ("continuous", "printed", "svk")),
+        law=sheet.choice("law", NAMES),
         poisson=sheet.choice("poisson", ("measured", "lowered")),
         shear_hysteresis=sheet.yes("shear_hysteresis", True),
         warp=_warp(sheet),
         kinematics=sheet.choice("kinematics", ("shell", "membrane")),
         element=element,
         layers=sheet.count("layers", 3),
-        supports=tuple(_support(table, dynamic, end) for table in file.tables("support")),
+        supports=supports,
         loads=tuple(_load(table, dynamic) for table in file.tables("load")),
-        probes=tuple(_probe(table) for table in file.tables("probe")),
+        probes=probes,
         dynamic=dynamic,
         turns=how.numbers("turns") if "turns" in how.entries else (1.0,),
         steps=how.count("steps", 10),
-        smallest=how.positive("smallest", 1 / 64),
+        smallest=smallest,
         end=end,
         step=how.positive("step_ms", 5.0) * 1e-3,
         rho=rho,
@@ -204,8 +213,32 @@ def _warp(sheet: Table) -> Vector | dict[str, Vector]:
         return (1.0, 0.0, 0.0)
     if isinstance(sheet.entries["warp"], dict):
         groups = sheet.table("warp")
-        return {name: groups.numbers(name, 3) for name in groups.entries}
-    return sheet.numbers("warp", 3)
+        if not groups.entries:
+            sheet.refuse("warp", "names no group", "write a direction, or one for each group of cells")
+        return {name: _direction(groups, name) for name in groups.entries}
+    return _direction(sheet, "warp")
+
+
+def _direction(table: Table, key: str) -> Vector:
+    numbers = table.numbers(key, 3)
+    if not any(numbers):
+        table.refuse(key, "is no direction", "write it as [1, 0, 0]")
+    return numbers
+
+
+def _once(tables: list[Table], claims: list[list[tuple[str, str]]], reason: str, key: str = "at") -> None:
+    """Refuse a table that claims what one before it has claimed: a place and an axis, say."""
+    before: set[tuple[str, str]] = set()
+    for table, own in zip(tables, claims, strict=True):
+        for claim in own:
+            if claim in before:
+                table.refuse(key, reason.format(*claim), "leave one of the two out, or change it")
+        before.update(own)
+
+
+def _axes(support: Support) -> str:
+    """The axes along which a support holds or leads."""
+    return AXES[support.axis] if support.kind in ("lead", "symmetry") else "xyz"
 
 
 def _support(table: Table, dynamic: bool, end: float) -> Support:

@@ -10,6 +10,7 @@ import numpy as np
 from .. import checkpoint, results, statics, supports
 from ..continuation import Step
 from ..energy import Ledger
+from ..errors import InputError
 from ..frames import Frames, Series, coloured
 from .building import Built, build
 from .reading import AXES, Scene
@@ -21,6 +22,10 @@ def run(scene: Scene, out: Path, progress: bool = True, resume: Path | None = No
     Writes history.csv, fields.bp (ParaView), frames (for `view`), deformed.png, energy and checkpoint of a motion, and
     animation.gif where the scene asks for it. Raises InputError and StepFailed, on every rank.
     """
+    if resume and not scene.dynamic:
+        raise InputError(
+            f"--resume {str(resume)!r} goes on with a motion, and {scene.file} has [statics]; leave it out."
+        )
     built = build(scene)
     cloth, comm = built.cloth, built.cloth.domain.mesh.comm
     steps, solver, ledger, motion = _start(built, progress)

@@ -1,0 +1,50 @@
+"""The whole way from a list of tests to a report and a fabric file."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+from ..fabrics import Fabric
+from . import fabric_file, net, report
+from .identification import Identified, identify
+from .listing import read
+
+SHEAR = ("photographs", "inverse", "net")
+"""Where the shear curve comes from: photographed yarns of the bias test, a simulated strip, inextensible yarns."""
+
+
+def make(
+    tests: str | Path,
+    out: Path,
+    shear: str = "photographs",
+    mesh: Path | None = None,
+    ends: str = "clamped",
+    say: Callable[[str], object] = print,
+) -> tuple[Path, Fabric]:
+    """Identify the fabric of a list of tests; the path of its file, and the fabric.
+
+    Writes report.pdf, report.png and fabric.toml into `out`. shear: of `SHEAR`; mesh and ends: of the simulated
+    strip, see `inverse.shear`. Raises InputError, after the report, where no whole fabric comes of the tests.
+    """
+    found = identify(read(tests))
+    if shear != "photographs":
+        found = _without_photographs(found)
+        if shear == "net":
+            found = net.shear(found)
+        else:
+            from . import inverse
+
+            say("  looking for the shear curve on a simulated strip ...")
+            assert mesh is not None
+            found = inverse.shear(found, mesh, ends=ends)
+    for ending in ("pdf", "png"):
+        report.write(found, out / f"report.{ending}")
+    for word in (*found.notes, *found.fits, "not determined:", *(found.undetermined or ["nothing"])):
+        say(f"  {word}")
+    return fabric_file.write(found, out)
+
+
+def _without_photographs(found: Identified) -> Identified:
+    """The same tests, as if nobody had photographed the yarns of the bias test."""
+    curves = {way: curve for way, curve in found.curves.items() if way != "shear"}
+    return replace(found, curves=curves, yarn_stretch=None)

@@ -1,0 +1,19 @@
+"""The laws of a measured fabric by their names, as command lines and scene files choose them."""
+
+from ..fabrics import Fabric
+from . import Law
+from .printed import Printed
+from .svk import StVenantKirchhoff
+from .woven import Woven
+
+MEASURED = {"continuous": Woven, "printed": Printed}
+"""Laws of the whole measured behaviour."""
+NAMES = (*MEASURED, "svk")
+"""All names; svk is linear elasticity with the fabric's first moduli."""
+
+
+def law(name: str, fabric: Fabric, poisson: str = "measured", shear_hysteresis: bool = True) -> Law:
+    """The law of this name, one of `NAMES`; poisson: "measured" or "lowered". Raises KeyError for another name."""
+    if name == "svk":
+        return StVenantKirchhoff.from_fabric(fabric, poisson)
+    return MEASURED[name](fabric, poisson, shear_hysteresis=shear_hysteresis)
