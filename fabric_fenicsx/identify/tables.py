@@ -48,8 +48,8 @@ class Table:
 def read_table(path: str | Path, recognise: Sequence[str], example: str, unnamed: Sequence[str] = ()) -> Table:
     """The columns below the first line in which every one of the words `recognise` (regular expressions) is met.
 
-    `example` is such a line, for the sentence that says that there is none. A file without one has the columns `unnamed`, if
-    they are given, from its first line of numbers on.
+    `example` is such a line, for the sentence that says that there is none. A file without one has the columns
+    `unnamed`, if they are given, from its first line of numbers on.
     """
     file = Path(path).name
     try:
