@@ -377,6 +377,25 @@ def test_doctor_tells_what_the_system_lacks(tmp_path):
     assert found["Numba"] == found["DOLFINx 0.11"] == "ok"
 
 
+def test_a_compiler_that_is_not_there_is_missed(tmp_path, monkeypatch):
+    monkeypatch.setenv("PATH", str(tmp_path))
+    monkeypatch.delenv("CC", raising=False)
+    assert "a C compiler with the C library's headers" in system.missing()
+
+
+@pytest.mark.parametrize("hidden", ["library", "driver"])
+def test_without_egl_a_picture_is_left_out_and_nothing_crashes(tmp_path, hidden):
+    """Nor with an EGL that has no driver: libglvnd looks for them in this folder alone."""
+    for library in "libEGL.so.1", "libOSMesa.so.8":
+        (tmp_path / library).touch()
+    name = {"library": "LD_LIBRARY_PATH", "driver": "__EGL_VENDOR_LIBRARY_DIRS"}[hidden]
+    answer = apart("view", one_frame(tmp_path), **{name: str(tmp_path)})
+    if hidden == "driver" and answer.returncode == 0:
+        pytest.skip("the EGL of this machine is not libglvnd's, and its driver cannot be hidden")
+    assert answer.returncode == 2 and "no EGL that works without a screen" in answer.stderr
+    assert answer.stderr.count("\n") == 1 and not (tmp_path / "view.png").exists()
+
+
 def test_doctor_works_without_dolfinx_and_nothing_else_does(tmp_path):
     (tmp_path / "dolfinx.py").write_text("raise ImportError('it is hidden')\n")
     hidden = {"PYTHONPATH": os.pathsep.join([str(tmp_path), str(ROOT)])}
