@@ -1,6 +1,7 @@
 """The command line: every verb, what it says to bad input, and what `doctor` finds."""
 
 import os
+import re
 import subprocess
 import sys
 import time
@@ -116,6 +117,8 @@ def test_the_entry_point_is_this_command():
 def test_help_and_completion(command):
     status, said, _ = command("--help")
     assert status == 0 and "doctor" in said and "--traceback" in said
+    line = re.search(r'eval "\$\((\w+)=bash_source fabric-fenicsx\)"', " ".join(said.split()))
+    assert "complete -o nosort" in apart(**{line[1]: "bash_source"}).stdout
     words = {"COMP_WORDS": "fabric-fenicsx fabrics show d", "COMP_CWORD": "3"}
     assert apart(_FABRIC_FENICSX_COMPLETE="bash_complete", **words).stdout.split() == ["plain,denim", "plain,duck"]
 
