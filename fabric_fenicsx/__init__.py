@@ -3,21 +3,37 @@
 It implements R. W. Williams, *Measuring and modeling the anisotropic, nonlinear and hysteretic behavior of woven
 fabrics* (PhD thesis, The University of Iowa, 2010). Numbers in brackets, as (6.11), are its equations.
 
-A scene goes through a few rooms, and each says in its docstring what it stands on:
+# What a script imports
 
-- `fabrics`: measured fabrics, from TOML files; `identify` makes such a file from test records
-- `laws`: stress from strain and history at a point: `laws.woven` (default), `laws.printed`, `laws.svk`; `laws.section`
-  takes a law through the thickness; `laws.driver` tries one without a mesh
-- `meshing`: a surface from gmsh or from a file of another program, whose parts are found by name
-- `frame`, `kinematics`, `directors`, `rotation`, `assumed_strain`: yarn axes, strains, directors that turn, and strains
-  that do not lock
-- `sheet`: all of that put together: `Sheet`, ready to be held and loaded, and its solvers
-- `supports`, `weakform`: how it is held, and the terms of its weak form
-- `hook`: a law as an operand of UFL forms
-- `statics`, `continuation`: equilibrium, the march through loads, arc length
-- `dynamics`, `explicit`, `motion`, `energy`, `checkpoint`: time, the account of energies, resumption
-- `results`, `pictures`, `frames`: histories, fields, pictures
-- `scenes`, `cli`: a scene as data, and the command `fabric-fenicsx`
+Rooms, in the order in which a scene goes through them, and their names; each room says what it stands on.
+
+- `fabrics`: measured fabrics from TOML files: `load`, `names`, `compare`, `Fabric`, `Curve`
+- `identify`: such a file from test records: `read`, `identify`; the whole way in `identify.making`: `make`
+- `laws`: stress from strain and history at a point: what a `Law` is; by name in `laws.named`: `law`
+- `laws.woven`: `Woven`, the one to use; `laws.printed`: `Printed`; `laws.svk`: `StVenantKirchhoff`
+- `laws.section`: a law through the thickness: `Section`
+- `laws.driver`: a law without a mesh: `check`, `run`, `uniaxial`; `laws.stability`: `acoustic`
+- `meshing`: a surface whose parts are found by name: `read`, `from_gmsh`, `Domain`
+- `frame`: warp and weft: `plane_axes`, `surface_axes`, `patches`, `Yarns`
+- `kinematics`: strains of a plane or curved sheet: `membrane_strain`, `quadratic_strain`, `area_vector`
+- `directors`: that turn: `ShellSpace`, `ELEMENTS`; `assumed_strain`: strains that do not lock: `shell_strains`
+- `sheet`: all of that put together, ready to be held and loaded, and its solvers: `Sheet`
+- `specimen`: the strip of a tensile test: `strip`
+- `supports`: how it is held: `hinge`, `clamp`, `hold`, `lead`, `grip`, `symmetry`; `over`, `unknowns`, `mean`
+- `weakform`: terms of a weak form: `internal`, `gravity`, `pressure`, `traction`, `point_force` and others
+- `hook`: a law as an operand of UFL forms: `LawHook`; `stiffness`: a shell's work without a form: `InternalWork`
+- `statics`: equilibrium: `StaticSolver`, `march`; `continuation`: `arc_length`
+- `dynamics`: implicit motion: `Newmark`; `explicit`: `CentralDifference`; `motion`: their masses: `Motion`
+- `energy`: where the work goes: `Ledger`; `checkpoint`: `save`, `load`, `guard`
+- `results`: histories and fields: `folder`, `Table`, `Fields`, `Average`
+- `pictures`: a sheet: `picture`; `frames`: one for each step, and films: `Frames`, `Series`
+- `plots`: curves of one look: `panels`, `label`, `legend`, `style`, `series`
+- `scenes`: a scene as data: `read`, `build`, `run`; `cli`: the command `fabric-fenicsx`
+- `command`: what every script does at its command line: `parse`, `say`, `run`; `system`: `can_draw`, `mpirun`
+- `errors`: `InputError`, `StepFailed`
+
+The other rooms serve these: `surface` and `importing` a mesh, `rotation` the directors, `batches` the stiffness,
+`stepper`, `moving_solver` and `stable_step` the motions, `entries` the TOML files, `doctor` the command.
 
 The five demos `my_fabric`, `my_mesh`, `my_load`, `my_law` and `my_term` are short, each ends in an exact check, and are
 meant to be copied and changed.

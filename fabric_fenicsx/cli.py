@@ -1,8 +1,4 @@
-"""The command `fabric-fenicsx`. Rooms are imported by the verbs that use them: `doctor` must start without any.
-
-For completion by the shell, put `eval "$(_FABRIC_FENICSX_COMPLETE=bash_source fabric-fenicsx)"` into ~/.bashrc
-(zsh_source, fish_source for the others).
-"""
+"""The command `fabric-fenicsx`. Rooms are imported by the verbs that use them: `doctor` must start without any."""
 
 import math
 import os
@@ -22,7 +18,14 @@ folder = click.Path(file_okay=False, path_type=Path)
 file = click.Path(dir_okay=False, path_type=Path)
 
 
-@click.group(context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110})
+COMPLETION = """\b
+Completion by the shell, a line for its own file:
+  ~/.bashrc    eval "$(_FABRIC_FENICSX_COMPLETE=bash_source fabric-fenicsx)"
+  ~/.zshrc     eval "$(_FABRIC_FENICSX_COMPLETE=zsh_source fabric-fenicsx)"
+  config.fish  _FABRIC_FENICSX_COMPLETE=fish_source fabric-fenicsx | source"""
+
+
+@click.group(context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110}, epilog=COMPLETION)
 @click.option("--traceback", is_flag=True, help="Where something goes wrong, show where in the program.")
 @click.version_option(fabric_fenicsx.__version__)
 @click.pass_context

@@ -101,9 +101,13 @@ class Series:
     def animation(
         self, path: Path, colour: str = "yarn", view: tuple[float, float, float] | None = None, most: int = 50
     ) -> None:
-        """Draw at most so many frames with one scale and one camera, and put them together into a .gif or .mp4."""
+        """Draw at most so many frames with one scale and one camera, and put them together into a .gif or .mp4.
+
+        Says so where pictures cannot be drawn.
+        """
         if (fault := system.can_draw()) is not None:
-            raise InputError(fault)
+            print(fault)
+            return
         numbers = range(0, len(self.times), -(-len(self.times) // most))
         shapes = [self.shape(number, colour) for number in numbers]
         places = np.concatenate([shape.points + shape.moved for shape in shapes])

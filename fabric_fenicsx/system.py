@@ -5,6 +5,7 @@ says nothing; else standard error gets one sentence and standard output the Debi
 """
 
 import ctypes
+import functools
 import importlib.util
 import os
 import shlex
@@ -46,17 +47,14 @@ def mpirun() -> str | None:
     return shutil.which("mpirun", path=Path(sys.executable).parent) or shutil.which("mpirun")
 
 
+@functools.cache
 def can_draw() -> str | None:
     """None if pictures can be drawn off-screen, else the sentence that says what to install."""
-    for library in ("libEGL.so.1", "libOSMesa.so.8"):
-        try:
-            ctypes.CDLL(library)
-        except OSError:
-            continue
+    # VTK ends the whole process where it has neither
+    if loads("libOSMesa.so.8") or draws():
         return None
-    # without either, VTK ends the whole process
     return (
-        "Pictures are left out, since libEGL.so.1 is missing: on Debian or Ubuntu, "
+        "Pictures are left out, since there is no EGL that works without a screen: on Debian or Ubuntu, "
         "apt-get install libegl1 libegl-mesa0 libgl1-mesa-dri."
     )
 

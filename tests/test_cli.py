@@ -1,6 +1,7 @@
 """The command line: every verb, what it says to bad input, and what `doctor` finds."""
 
 import os
+import re
 import subprocess
 import sys
 import time
@@ -116,6 +117,8 @@ def test_the_entry_point_is_this_command():
 def test_help_and_completion(command):
     status, said, _ = command("--help")
     assert status == 0 and "doctor" in said and "--traceback" in said
+    line = re.search(r'eval "\$\((\w+)=bash_source fabric-fenicsx\)"', " ".join(said.split()))
+    assert "complete -o nosort" in apart(**{line[1]: "bash_source"}).stdout
     words = {"COMP_WORDS": "fabric-fenicsx fabrics show d", "COMP_CWORD": "3"}
     assert apart(_FABRIC_FENICSX_COMPLETE="bash_complete", **words).stdout.split() == ["plain,denim", "plain,duck"]
 
@@ -375,6 +378,25 @@ def test_doctor_tells_what_the_system_lacks(tmp_path):
     assert found["gmsh (meshes)"] == found["libGLU.so.1"] == "MISSING" and "libglu1-mesa" in answer.stdout
     assert found["PyVista (pictures)"] == "without" and "libegl1 libegl-mesa0" in answer.stdout
     assert found["Numba"] == found["DOLFINx 0.11"] == "ok"
+
+
+def test_a_compiler_that_is_not_there_is_missed(tmp_path, monkeypatch):
+    monkeypatch.setenv("PATH", str(tmp_path))
+    monkeypatch.delenv("CC", raising=False)
+    assert "a C compiler with the C library's headers" in system.missing()
+
+
+@pytest.mark.parametrize("hidden", ["library", "driver"])
+def test_without_egl_a_picture_is_left_out_and_nothing_crashes(tmp_path, hidden):
+    """Nor with an EGL that has no driver: libglvnd looks for them in this folder alone."""
+    for library in "libEGL.so.1", "libOSMesa.so.8":
+        (tmp_path / library).touch()
+    name = {"library": "LD_LIBRARY_PATH", "driver": "__EGL_VENDOR_LIBRARY_DIRS"}[hidden]
+    answer = apart("view", one_frame(tmp_path), **{name: str(tmp_path)})
+    if hidden == "driver" and answer.returncode == 0:
+        pytest.skip("the EGL of this machine is not libglvnd's, and its driver cannot be hidden")
+    assert answer.returncode == 2 and "no EGL that works without a screen" in answer.stderr
+    assert answer.stderr.count("\n") == 1 and not (tmp_path / "view.png").exists()
 
 
 def test_doctor_works_without_dolfinx_and_nothing_else_does(tmp_path):

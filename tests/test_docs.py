@@ -1,6 +1,7 @@
 """The pages are built from what stands in the code, and say what a reader needs."""
 
 import ast
+import importlib
 import re
 import subprocess
 import sys
@@ -28,13 +29,32 @@ def test_the_theory_cites_its_source():
         assert re.search(r"\([56]\.\d+\)|Box [56]-\d|doi 10\.", text), room
 
 
-def test_the_package_lists_rooms_that_are_there_and_its_limits():
+def test_the_package_lists_its_rooms_its_names_and_its_limits():
+    """Every room, once; what is named is there; and nothing else of the package is imported by a demo."""
     text = ast.get_docstring(ast.parse((PACKAGE / "__init__.py").read_text()))
     assert "# What it cannot do" in text and "Contact" in text
-    listed = text[text.index("- `fabrics`") : text.index("The five demos")]
-    named = {name.split(".")[0] for name in re.findall(r"`([a-z_.]+)`", listed)}
+    public, internal = text[text.index("- `fabrics`") : text.index("The five demos")].split("The other rooms")
     rooms = {path.relative_to(PACKAGE).parts[0].removesuffix(".py") for path in FILES}
-    assert len(named) > 20 and named <= rooms
+    found = [name for name in re.findall(r"`([a-z_]+)`", internal) if name in rooms]
+    listed = {}
+    for room, names in re.findall(r"(?:- |; (?:\w+ )*)`([a-z_.]+)`: ((?:(?!; (?:\w+ )*`[a-z_.]+`: ).)+)", public):
+        listed[room] = set(re.findall(r"`(\w+)`", names))
+    assert {name.split(".")[0] for name in listed} | set(found) == rooms
+    assert not {name.split(".")[0] for name in listed} & set(found)
+    for room, names in listed.items():
+        module = importlib.import_module(f"fabric_fenicsx.{room}")
+        assert all(hasattr(module, name) for name in names), room
+    for path in sorted((ROOT / "demos").rglob("*.py")):
+        for name in imports_of(path):
+            assert any(f"{name}.".startswith(f"{room}.") for room in listed), f"{path.name} imports {name}"
+
+
+def imports_of(path):
+    """What a demo imports from the package, without the package's own name."""
+    for node in ast.walk(ast.parse(path.read_text())):
+        if isinstance(node, ast.ImportFrom) and (node.module or "").split(".")[0] == "fabric_fenicsx":
+            base = node.module.partition(".")[2]
+            yield from (f"{base}.{alias.name}".strip(".") for alias in node.names if alias.name != "__version__")
 
 
 def test_make_docs(tmp_path):
