@@ -125,7 +125,7 @@ def code(room, demos=DEMOS):
             wanted += _imported(file, (demos, package.parent))
     data = [*(package / "fabrics").glob("*.toml"), *(demos.parent / "meshes").glob("*.geo")]
     told = hashlib.sha256()
-    for file in [*sorted(found, key=lambda file: (file.name, file.parent.name)), *sorted(data)]:
+    for file in sorted({*found, *data}, key=lambda file: (file.name, file.parent.name)):
         told.update(file.name.encode() + file.read_bytes())
     return told.hexdigest()
 
