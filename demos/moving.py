@@ -17,6 +17,7 @@ from fabric_fenicsx import (
     command,
     directors,
     fabrics,
+    linear,
     meshing,
     results,
     sheet,
@@ -29,6 +30,7 @@ from fabric_fenicsx.laws.woven import Woven
 
 SIDE = 2.0  # m
 LAWS = ("continuous", "printed", "svk")
+SOLVERS = {"direct": linear.DIRECT, "lagged": linear.LAGGED, "iterative": linear.IN_MOTION}
 
 
 def law(args, fabric):
@@ -83,6 +85,7 @@ def add_arguments(parser, end, rho):
     parser.add_argument("--damping", type=command.number, default=0.0, help="a of Rayleigh's a M, 1/s")
     parser.add_argument("--rotary", choices=sheet.ROTARY, default="cell", help="inertia of directors")
     parser.add_argument("--lumped", action="store_true", help="lumped mass, as explicit motion has it")
+    parser.add_argument("--solver", choices=SOLVERS, default="direct", help="of linear systems")
     parser.add_argument("--resume", type=Path, help="go on from this checkpoint")
     add_common(parser, rho, 1e-4)
 
@@ -99,6 +102,7 @@ def runner(args, cloth, areal_mass, bcs, loads, set_load=lambda t: None):
     """The time integrator that the command line asks for, and its ledger; loads: virtual work, a form or 0."""
     same = {"damping": args.damping, "rotary": args.rotary, "set_load": set_load}
     if args.method == "implicit":
+        same["options"] = SOLVERS[args.solver]
         return cloth.newmark(areal_mass, bcs, loads, args.rho, lumped=args.lumped, rtol=args.rtol, **same)
     run, ledger = cloth.explicit(areal_mass, bcs, loads, **same)
     command.say(f"stable step {run.stable * 1e6:.3g} us; directors have the inertia of a {args.rotary}")

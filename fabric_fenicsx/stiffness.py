@@ -173,20 +173,3 @@ def matrix(works: Sequence[InternalWork]) -> PETSc.Mat:
     rows, columns = (np.concatenate(parts) for parts in zip(*(work.places() for work in works), strict=True))
     result.setPreallocationCOO(rows.astype(PETSc.IntType), columns.astype(PETSc.IntType))
     return result
-
-
-def factorise_by_diagonal(ksp: PETSc.KSP, A: PETSc.Mat) -> None:
-    """Tell MUMPS that a stiffness has a diagonal: it need look for no other, and scale by it.
-
-    It saves a tenth to a fifth of the time, and so does an ordering by least fill (AMF) for small sheets; from
-    10 000 unknowns on MUMPS's own choice is better. Other solvers stay as they are.
-    """
-    pc = ksp.getPC()
-    if pc.getType() == "lu" and pc.getFactorSolverType() == "mumps":
-        ksp.setOperators(A)
-        pc.setFactorSetUpSolverType()
-        pc.getFactorMatrix().setMumpsIcntl(6, 0)
-        pc.getFactorMatrix().setMumpsIcntl(8, 1)
-        # on several ranks its tree is too slender: 1.2 times as fast on two, 1.65 with MUMPS's own (40 x 40 cells)
-        if A.size[0] < 10000 and A.comm.size == 1:
-            pc.getFactorMatrix().setMumpsIcntl(7, 2)
