@@ -147,7 +147,7 @@ def play(scene, args, out, progress, watch=None):
     def shown():
         return sheet.displacement(), scene.cell_value()
 
-    state, taken = out / "checkpoint.npz", run.ts.getStepNumber()
+    state, taken, solved = out / "checkpoint.npz", run.ts.getStepNumber(), run.linear_iterations
     with (
         contextlib.closing(results.Fields(out / "fields.bp", u, ("value",))) as fields,
         results.Table(out / "history.csv", comm) as table,
@@ -162,6 +162,7 @@ def play(scene, args, out, progress, watch=None):
                 time_s=step.load,
                 **{name: probe() for name, probe in scene.probes.items()},
                 newton_iterations=step.newton_iterations,
+                linear_iterations=run.linear_iterations - solved,
                 step_cuts=step.step_cuts,
                 steps_taken=run.ts.getStepNumber() - taken,
                 **scene.ledger.row(),
@@ -170,7 +171,7 @@ def play(scene, args, out, progress, watch=None):
                 unknowns=sheet.q.function_space.dofmap.index_map.size_global,
                 memory_MB=comm.allreduce(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss) / 1024,
             )
-            taken = run.ts.getStepNumber()
+            taken, solved = run.ts.getStepNumber(), run.linear_iterations
             u, value = shown()
             fields.write(step.load, value=value)
             if watch:

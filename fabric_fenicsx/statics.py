@@ -17,7 +17,7 @@ from .continuation import march as march
 from .directors import ShellSpace
 from .errors import InputError, StepFailed
 from .hook import LawHook, derive, forget_traversals
-from .stiffness import InternalWork, matrix
+from .stiffness import InternalWork, assemble, matrix
 
 OPTIONS = {"snes_linesearch_type": "basic", "snes_max_it": 25} | linear.DIRECT
 """PETSc options of `StaticSolver` that a user may override."""
@@ -67,6 +67,8 @@ class StaticSolver:
         self._fault: Exception | None = None
         self.residuals: list[float] = []
         """Norms of the residual in the last solve, N."""
+        self.linear_iterations = 0
+        """Of all solves so far; with LU, a linear system takes one."""
         forms = derive(residual, u, tuple(hooks), self.rate) if isinstance(residual, Form) else (Form([]), Form([]))
         # dead loads have no Jacobian
         self.residual_form, self.jacobian_form = (fem.form(f) if f.integrals() else None for f in forms)
@@ -148,7 +150,7 @@ class StaticSolver:
         """Derivative of the residual by u, before any condition."""
         self._K.zeroEntries()
         if self._works:
-            self._K.setValuesCOO(np.concatenate([work.stiffness().ravel() for work in self._works]))
+            assemble(self._K, self._works)
         if self.jacobian_form is not None:
             fempetsc.assemble_matrix(self._K, self.jacobian_form)
         self._K.assemble()
@@ -238,6 +240,7 @@ class StaticSolver:
         moved = self._move_supports()
         self._pushed, self._push = self.rate is None and not moved, 0.0
         self.snes.solve(None, self._x)
+        self.linear_iterations += self.snes.getLinearSolveIterations()
         self._take(self._x)
         reason = self.snes.getConvergedReason()
         if reason > 0:
