@@ -107,7 +107,8 @@ def study(name, quick):
 
 def group(setting):
     """The method of a setting, without its numbers."""
-    words = [str(setting[name]) for name in ("law", "element", "method") if name in setting]
+    words = [str(setting[name]) for name in ("law", "element", "method", "solver") if name in setting]
+    words = [word for word in words if word != "direct"]
     words += [f"degree {setting['degree']}"] if "degree" in setting else []
     words += [f"{setting['ranks']} ranks"] if setting.get("ranks", 1) > 1 else []
     return ", ".join(words)

@@ -15,6 +15,7 @@ from fabric_fenicsx import (
     command,
     directors,
     fabrics,
+    linear,
     meshing,
     pictures,
     plots,
@@ -28,6 +29,7 @@ from fabric_fenicsx.laws import named
 from fabric_fenicsx.laws.svk import StVenantKirchhoff
 
 SIDE = 2.0  # m
+SOLVERS = {"direct": linear.DIRECT, "lagged": linear.LAGGED, "iterative": linear.IN_MOTION}
 
 
 def law(args, fabric):
@@ -77,6 +79,7 @@ def add_arguments(parser, end, rho):
     parser.add_argument("--damping", type=command.number, default=0.0, help="a of Rayleigh's a M, 1/s")
     parser.add_argument("--rotary", choices=sheet.ROTARY, default="cell", help="inertia of directors")
     parser.add_argument("--lumped", action="store_true", help="lumped mass, as explicit motion has it")
+    parser.add_argument("--solver", choices=SOLVERS, default="direct", help="of linear systems")
     parser.add_argument("--resume", type=Path, help="go on from this checkpoint")
     add_common(parser, rho, 1e-4)
 
@@ -93,6 +96,7 @@ def runner(args, cloth, areal_mass, bcs, loads, set_load=lambda t: None):
     """The time integrator that the command line asks for, and its ledger; loads: virtual work, a form or 0."""
     same = {"damping": args.damping, "rotary": args.rotary, "set_load": set_load}
     if args.method == "implicit":
+        same["options"] = SOLVERS[args.solver]
         return cloth.newmark(areal_mass, bcs, loads, args.rho, lumped=args.lumped, rtol=args.rtol, **same)
     run, ledger = cloth.explicit(areal_mass, bcs, loads, **same)
     command.say(f"stable step {run.stable * 1e6:.3g} us; directors have the inertia of a {args.rotary}")
@@ -135,7 +139,7 @@ def play(scene, args, out, progress, watch=None):
     def shown():
         return sheet.displacement(), coloured(sheet.cell_strain(), "yarn"), LABELS["yarn"]
 
-    state, taken = out / "checkpoint.npz", run.ts.getStepNumber()
+    state, taken, solved = out / "checkpoint.npz", run.ts.getStepNumber(), run.linear_iterations
     with (
         contextlib.closing(results.Fields(out / "fields.bp", sheet.displacement(), ("value",))) as fields,
         results.Table(out / "history.csv", comm) as table,
@@ -150,6 +154,7 @@ def play(scene, args, out, progress, watch=None):
                 time_s=step.load,
                 **{name: probe() for name, probe in scene.probes.items()},
                 newton_iterations=step.newton_iterations,
+                linear_iterations=run.linear_iterations - solved,
                 step_cuts=step.step_cuts,
                 steps_taken=run.ts.getStepNumber() - taken,
                 **scene.ledger.row(),
@@ -158,7 +163,7 @@ def play(scene, args, out, progress, watch=None):
                 unknowns=sheet.q.function_space.dofmap.index_map.size_global,
                 memory_MB=comm.allreduce(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss) / 1024,
             )
-            taken = run.ts.getStepNumber()
+            taken, solved = run.ts.getStepNumber(), run.linear_iterations
             now = shown()
             fields.write(step.load, value=now[1])
             if watch:

@@ -102,7 +102,7 @@ def forces(batch, stress, weights, out):
 
 @numba.njit(cache=True, error_model="numpy", fastmath=_FAST)
 def stiffness(batch, tangent, stress, weights, out):
-    """Stiffness `out` (owned cells, n, n) of each cell, of tangent and stress at the points."""
+    """Add to `out` (owned cells, n, n) the stiffness of each cell, of tangent and stress at the points."""
     M, spans, pairs, start, normal, directors, q, dofs = batch
     nodes, n, strains = start.shape[1], start.shape[1] + directors.shape[1], len(spans)
     r, x, W = np.zeros((n, 3, LANES)), np.zeros((n, 3, LANES)), np.empty(len(pairs))
@@ -113,7 +113,6 @@ def stiffness(batch, tangent, stress, weights, out):
         if lane == 0:
             _gather(block, start, normal, directors, q, dofs, r, x)
         K = out[c]
-        K[:] = 0.0
         W[:] = 0.0
         for p in range(M.shape[1]):
             w, t = weights[c, p], 0

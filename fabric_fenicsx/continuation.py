@@ -237,10 +237,11 @@ def _next_step(
         solver.assemble(x, slope)
         slope.axpy(-1.0, residual)
         ksp.solve(residual, by_residual)
+        solved = ksp.getConvergedReason() > 0
         ksp.solve(slope, by_load)
         # x moves by -by_residual - more by_load, so that |change| becomes `length`, linearly
         moved = _product(solver, change, by_load)
-        if ksp.getConvergedReason() < 0 or moved == 0.0:
+        if not solved or ksp.getConvergedReason() < 0 or moved == 0.0:
             raise solver.failure("Jacobian is singular")
         more = ((_product(solver, change, change) - length**2) / 2 - _product(solver, change, by_residual)) / moved
         by_residual.axpy(more, by_load)

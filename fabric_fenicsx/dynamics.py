@@ -147,6 +147,7 @@ class Newmark(Stepper):
             self.cuts += 1
             self._part /= 2
             ts.setTimeStep(dt / 2)
+        self.linear_iterations = self.solver.linear_iterations
         if self.ledger is not None:
             self.ledger.accept()
         self.solver.commit()

@@ -6,14 +6,13 @@ import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
-import meshio
 import numpy as np
 from dolfinx.io.utils import cell_perm_vtk
 from dolfinx.mesh import CellType
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
-from scipy.spatial import cKDTree
 
 from .errors import InputError
 from .surface import Array
@@ -55,6 +54,8 @@ def load(path: Path) -> Sheet:
     Raises InputError for a file that meshio cannot read, no surface, mixed cells or cells of another kind, a point
     that is missing or not finite, and a cell in two groups.
     """
+    import meshio  # here, as what else takes long to load: most scenes are made by gmsh
+
     name, said = str(path), io.StringIO()
     try:
         # meshio prints what is wrong, and exits; it tries the text of an .stl file as numbers
@@ -108,7 +109,7 @@ def load(path: Path) -> Sheet:
     return Sheet(points, cells, kind.name, cell_tags, edges[named], edge_tags[named], names)
 
 
-def _tags(data: meshio.Mesh, sets: dict[str, list[Array]], blocks: list[int], dim: int, names: dict) -> Array:
+def _tags(data: Any, sets: dict[str, list[Array]], blocks: list[int], dim: int, names: dict) -> Array:
     """A tag for each cell of these blocks, 0 for those in no set; adds the sets to `names`."""
     start = np.cumsum([0] + [len(data.cells[k]) for k in blocks])
     whole = {
@@ -133,7 +134,7 @@ def _tags(data: meshio.Mesh, sets: dict[str, list[Array]], blocks: list[int], di
     return tags
 
 
-def _sets(data: meshio.Mesh) -> Iterator[tuple[str, list[Array]]]:
+def _sets(data: Any) -> Iterator[tuple[str, list[Array]]]:
     """Names and members, block by block, of what meshio knows to be a group."""
     yield from data.cell_sets.items()
     physical = data.cell_data.get("gmsh:physical", [])
@@ -142,7 +143,7 @@ def _sets(data: meshio.Mesh) -> Iterator[tuple[str, list[Array]]]:
         yield known.get(tag, str(tag)), [np.flatnonzero(part == tag) for part in physical]
 
 
-def _elsets(path: Path, data: meshio.Mesh) -> dict[str, list[Array]]:
+def _elsets(path: Path, data: Any) -> dict[str, list[Array]]:
     """Element sets named in the *ELEMENT lines of an .inp file, which meshio may give to other blocks."""
     if path.suffix.lower() != ".inp":
         return {}
@@ -160,14 +161,18 @@ def _elsets(path: Path, data: meshio.Mesh) -> dict[str, list[Array]]:
 
 def _merged(points: Array) -> Array:
     """For each point the one that stands for all at its place."""
+    from scipy.spatial import cKDTree
+
     pairs = cKDTree(points).query_pairs(SAME * np.ptp(points, axis=0).max(), output_type="ndarray")
     graph = coo_array((np.ones(len(pairs)), pairs.T), shape=(len(points), len(points)))
     _, first, same = np.unique(connected_components(graph, directed=False)[1], return_index=True, return_inverse=True)
     return first[same]
 
 
-def _obj(path: Path) -> meshio.Mesh:
+def _obj(path: Path) -> Any:
     """An .obj file with its groups, which meshio does not name; texture and normals are left out."""
+    import meshio
+
     points: list[list[float]] = []
     faces: dict[int, list[list[int]]] = {}
     members: dict[str, dict[int, list[int]]] = {}

@@ -75,11 +75,11 @@ class MovingSolver(StaticSolver):
         mass = mass.copy()
         mass.zeroRows(fixed, 1.0)
         b.array_w[fixed - mass.getOwnershipRange()[0]] = 0.0
-        # a solver of its own, since that of the steps is set up for their matrix
+        # a solver of its own, since that of the steps is set up for their matrix; a mass needs no factors
         ksp = PETSc.KSP().create(self.comm)
-        ksp.setType("preonly")
-        ksp.getPC().setType("lu")
-        ksp.getPC().setFactorSolverType("mumps")
+        ksp.setType("cg")
+        ksp.getPC().setType("jacobi")
+        ksp.setTolerances(rtol=1e-13)
         ksp.setOperators(mass)
         correction = b.duplicate()
         ksp.solve(b, correction)

@@ -1,6 +1,5 @@
 """Newton's method by PETSc SNES for one load step; `march` and `continuation` go through many."""
 
-import itertools
 import weakref
 from collections.abc import Callable, Sequence
 from typing import Any
@@ -12,22 +11,15 @@ from dolfinx.fem import petsc as fempetsc
 from petsc4py import PETSc
 from ufl.form import Form
 
+from . import linear
 from .continuation import Step as Step
 from .continuation import march as march
 from .directors import ShellSpace
 from .errors import InputError, StepFailed
 from .hook import LawHook, derive, forget_traversals
-from .stiffness import InternalWork, factorise_by_diagonal, matrix
+from .stiffness import InternalWork, assemble, matrix
 
-_prefix = itertools.count()
-
-OPTIONS = {
-    "snes_linesearch_type": "basic",
-    "snes_max_it": 25,
-    "ksp_type": "preonly",
-    "pc_type": "lu",
-    "pc_factor_mat_solver_type": "mumps",
-}
+OPTIONS = {"snes_linesearch_type": "basic", "snes_max_it": 25} | linear.DIRECT
 """PETSc options of `StaticSolver` that a user may override."""
 
 
@@ -46,7 +38,7 @@ class StaticSolver:
     the residual. works: internal work of a shell that is added to the residual, hooks and all, with its stiffness in
     batches; the rest of the residual may be 0. rtol: a step is solved when the residual at the free unknowns is below
     rtol times the largest nodal force or support force so far, or the last correction below 1e-9 of the displacement.
-    options: PETSc options, over `OPTIONS`.
+    options: PETSc options, over `OPTIONS`; for a sheet too large for the default, `linear.ITERATIVE`.
 
     Public: the SNES itself, `snes`; the compiled forms of what is not in `works`, `residual_form` and `jacobian_form`.
     """
@@ -75,6 +67,8 @@ class StaticSolver:
         self._fault: Exception | None = None
         self.residuals: list[float] = []
         """Norms of the residual in the last solve, N."""
+        self.linear_iterations = 0
+        """Of all solves so far; with LU, a linear system takes one."""
         forms = derive(residual, u, tuple(hooks), self.rate) if isinstance(residual, Form) else (Form([]), Form([]))
         # dead loads have no Jacobian
         self.residual_form, self.jacobian_form = (fem.form(f) if f.integrals() else None for f in forms)
@@ -103,13 +97,9 @@ class StaticSolver:
         self.snes.setFunction(_weak(self._residual), self._b)
         self.snes.setJacobian(_weak(self._jacobian), self._A)
         self.snes.setConvergenceTest(_weak(self.converged))
-        prefix = f"statics{next(_prefix)}_"
-        self.snes.setOptionsPrefix(prefix)
-        store = PETSc.Options(prefix)
-        for name, value in (OPTIONS | (options or {})).items():
-            store[name] = value
-        self.snes.setFromOptions()
-        factorise_by_diagonal(self.snes.ksp, self._A)
+        linear.configure(self.snes, self._A, OPTIONS | (options or {}))
+        by_grids = self.snes.ksp.getPC().getType() == "gamg"
+        self._motions = linear.RigidMotions(u, self._y, space) if by_grids else None
         # a step that ends in NaN would pass for converged where the correction before it was small
         self.snes.setTolerances(stol=0.0)
         forget_traversals()
@@ -160,7 +150,7 @@ class StaticSolver:
         """Derivative of the residual by u, before any condition."""
         self._K.zeroEntries()
         if self._works:
-            self._K.setValuesCOO(np.concatenate([work.stiffness().ravel() for work in self._works]))
+            assemble(self._K, self._works)
         if self.jacobian_form is not None:
             fempetsc.assemble_matrix(self._K, self.jacobian_form)
         self._K.assemble()
@@ -189,7 +179,10 @@ class StaticSolver:
         b = self.residual(self._x)
         self.residuals.append(b.norm())
         correction = b.duplicate()
-        self.factorised().solve(b, correction)
+        ksp = self.factorised()
+        ksp.solve(b, correction)
+        if ksp.getConvergedReason() < 0:
+            raise self.failure("diverged_linear_solve")
         self._x.axpy(-1.0, correction)
         return 1
 
@@ -200,6 +193,8 @@ class StaticSolver:
         self.residuals, self._fault = [], None
         self.aim()
         fempetsc.assign(self._y, self._x)
+        if self._motions is not None:
+            self._motions.give(self._A, self._given)
         return self._x
 
     def aim(self) -> None:
@@ -245,6 +240,7 @@ class StaticSolver:
         moved = self._move_supports()
         self._pushed, self._push = self.rate is None and not moved, 0.0
         self.snes.solve(None, self._x)
+        self.linear_iterations += self.snes.getLinearSolveIterations()
         self._take(self._x)
         reason = self.snes.getConvergedReason()
         if reason > 0:

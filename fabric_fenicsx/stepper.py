@@ -29,6 +29,8 @@ class Stepper:
         self.finest = 1.0
         """The smallest step taken, as a part of the nominal one."""
         self.interrupted = self._began = False
+        self.linear_iterations = 0
+        """So far; without linear systems, none."""
         self.ts = PETSc.TS().createPython(self, comm=self.comm)
         self.ts.setSolution(motion.q.x.petsc_vec)
         self.ts.setTime(start)

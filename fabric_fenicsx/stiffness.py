@@ -35,6 +35,8 @@ from .errors import InputError
 from .hook import LawHook
 from .laws import Array
 
+CHUNK = 1000  # cells
+
 
 class InternalWork:
     """Internal work of a shell at one strain, by batches of cells; `form` is the same in UFL.
@@ -91,32 +93,35 @@ class InternalWork:
         derivative = fem.Expression(expand_derivatives(ufl.derivative(self._strain, self.q, trial)), self._points)
         kept, cells, nodes = self.q.x.array.copy(), len(self._cells), self._start.shape[1]
         n = nodes + self._directors.shape[1]
-        probes, changes = [], []
         # each probe tells three columns, one for every component in space; some more make it well posed
-        for seed in range(n // 3 + 2):
-            self.q.x.array[:] = np.random.default_rng(seed).uniform(-1, 1, len(kept))
-            q = self.q.x.array[self._dofs].reshape(cells, 1, n + 1, 3)
-            change = derivative.eval(self._mesh, self._cells).reshape(cells, -1, n + 1, 3)
-            probes.append(q[:, :, 1:] - np.where(np.arange(n)[:, None] < nodes, q[:, :, :1], 0.0))
-            probes[-1][:, 0, :nodes] += self._start
-            changes.append(change[:, :, 1:])
-        self.q.x.array[:] = kept
-        probe, change = np.concatenate(probes, axis=3), np.concatenate(changes, axis=3)
-        inverse = np.linalg.pinv(probe)
-        S = change @ inverse
-        S += (change - S @ probe) @ inverse
-        largest = np.abs(S).max(axis=(2, 3), keepdims=True, initial=0.0)
-        misfit = np.abs(S @ probe - change).max(initial=0.0) > 1e-8 * np.abs(change).max(initial=0.0)
-        if self._mesh.comm.allreduce(bool(misfit)):
-            raise InputError("A strain is not quadratic in displacement and director, or changes with a rotation.")
-        # exact zeros: a thin sheet would feel a membrane strain of round-off when it bends
-        S[np.abs(S) < 1e-11 * largest] = 0.0
+        states = [np.random.default_rng(seed).uniform(-1, 1, len(kept)) for seed in range(n // 3 + 2)]
         # pairs of nodes, of a node and a director, and of directors; those that no strain has are left out
         pairs = [(i, j) for i in range(n) for j in range(i, n)]
         pairs.sort(key=lambda pair: (pair[0] >= nodes) + (pair[1] >= nodes))
         i, j = np.array(pairs, dtype=np.int64).T
-        M = np.where(i == j, 0.5, 1.0) * (S[..., i, j] + S[..., j, i]) / 2
-        M = M.reshape(cells, len(self._points), -1, len(pairs))
+        pieces, misfit, shape = [], False, (len(self._points) * self._strain.ufl_shape[0], n + 1, 3)
+        # so many cells at a time that their probes take little memory
+        for part in np.split(np.arange(cells), range(CHUNK, cells, CHUNK)):
+            probes, changes = [], []
+            for state in states:
+                self.q.x.array[:] = state
+                q = state[self._dofs[part]].reshape(len(part), 1, n + 1, 3)
+                change = derivative.eval(self._mesh, self._cells[part]).reshape(len(part), *shape)
+                probes.append(q[:, :, 1:] - np.where(np.arange(n)[:, None] < nodes, q[:, :, :1], 0.0))
+                probes[-1][:, 0, :nodes] += self._start[part]
+                changes.append(change[:, :, 1:])
+            probe, change = np.concatenate(probes, axis=3), np.concatenate(changes, axis=3)
+            inverse = np.linalg.pinv(probe)
+            S = change @ inverse
+            S += (change - S @ probe) @ inverse
+            misfit |= bool(np.abs(S @ probe - change).max(initial=0.0) > 1e-8 * np.abs(change).max(initial=0.0))
+            # exact zeros: a thin sheet would feel a membrane strain of round-off when it bends
+            S[np.abs(S) < 1e-11 * np.abs(S).max(axis=(2, 3), keepdims=True, initial=0.0)] = 0.0
+            pieces.append(np.where(i == j, 0.5, 1.0) * (S[..., i, j] + S[..., j, i]) / 2)
+        self.q.x.array[:] = kept
+        if self._mesh.comm.allreduce(misfit):
+            raise InputError("A strain is not quadratic in displacement and director, or changes with a rotation.")
+        M = np.concatenate(pieces).reshape(cells, len(self._points), self._strain.ufl_shape[0], len(pairs))
         spans = []
         for there in M.any(axis=(0, 1)):
             found = np.flatnonzero(there)
@@ -145,48 +150,40 @@ class InternalWork:
         """Add the internal forces (N) of the owned cells to a local array of V, at the last evaluation of the law."""
         batches.forces(self._batch, self._stress(), self._weights[: self._owned], total)
 
-    def stiffness(self) -> Array:
-        """Matrices (cells, n, n) of the owned cells at the last evaluation of the law."""
+    def add_stiffness(self, total: Array) -> None:
+        """Add the matrices of the owned cells, at the last evaluation of the law, to (cells, n, n)."""
         tangent = self._tangent if self.hook is None else self.hook.tangent
-        batches.stiffness(self._batch, tangent, self._stress(), self._weights[: self._owned], self._matrices)
-        return self._matrices
+        batches.stiffness(self._batch, tangent, self._stress(), self._weights[: self._owned], total)
 
     @cached_property
-    def _matrices(self) -> Array:
+    def matrices(self) -> Array:
+        """Room for the stiffness of the owned cells, (cells, n, n)."""
         return np.empty((self._owned, self._dofs.shape[1], self._dofs.shape[1]))
 
     def places(self) -> tuple[Array, Array]:
-        """Global rows and columns of the entries of `stiffness`, flat."""
+        """Global rows and columns of the entries of `matrices`, flat."""
         local = self._dofs[: self._owned]
         dofs = self.q.function_space.dofmap.index_map.local_to_global(local.ravel()).reshape(local.shape)
         return np.repeat(dofs, dofs.shape[1], axis=1).ravel(), np.tile(dofs, (1, dofs.shape[1])).ravel()
 
 
 def matrix(works: Sequence[InternalWork]) -> PETSc.Mat:
-    """An empty matrix in the space of (u, d), to be filled by `setValuesCOO` with what `stiffness` of each gives."""
+    """An empty matrix in the space of (u, d), for `assemble`."""
     space = works[0].q.function_space
     index_map, result = space.dofmap.index_map, PETSc.Mat().create(space.mesh.comm)
     result.setSizes([[index_map.size_local, index_map.size_global]] * 2)
     result.setType(PETSc.Mat.Type.AIJ)
     everywhere = index_map.local_to_global(np.arange(index_map.size_local + index_map.num_ghosts, dtype=np.int32))
     result.setLGMap(PETSc.LGMap().create(everywhere.astype(PETSc.IntType), comm=space.mesh.comm))
-    rows, columns = (np.concatenate(parts) for parts in zip(*(work.places() for work in works), strict=True))
+    rows, columns = works[0].places()
     result.setPreallocationCOO(rows.astype(PETSc.IntType), columns.astype(PETSc.IntType))
     return result
 
 
-def factorise_by_diagonal(ksp: PETSc.KSP, A: PETSc.Mat) -> None:
-    """Tell MUMPS that a stiffness has a diagonal: it need look for no other, and scale by it.
-
-    It saves a tenth to a fifth of the time, and so does an ordering by least fill (AMF) for small sheets; from
-    10 000 unknowns on MUMPS's own choice is better. Other solvers stay as they are.
-    """
-    pc = ksp.getPC()
-    if pc.getType() == "lu" and pc.getFactorSolverType() == "mumps":
-        ksp.setOperators(A)
-        pc.setFactorSetUpSolverType()
-        pc.getFactorMatrix().setMumpsIcntl(6, 0)
-        pc.getFactorMatrix().setMumpsIcntl(8, 1)
-        # on several ranks its tree is too slender: 1.2 times as fast on two, 1.65 with MUMPS's own (40 x 40 cells)
-        if A.size[0] < 10000 and A.comm.size == 1:
-            pc.getFactorMatrix().setMumpsIcntl(7, 2)
+def assemble(K: PETSc.Mat, works: Sequence[InternalWork]) -> None:
+    """Put the stiffness of works of one shell into its `matrix`."""
+    total = works[0].matrices
+    total[:] = 0.0
+    for work in works:
+        work.add_stiffness(total)
+    K.setValuesCOO(total.ravel())

@@ -30,6 +30,7 @@ ROOMS = [
     {"weakform"},
     {"batches"},
     {"stiffness"},
+    {"linear"},
     {"continuation"},
     {"statics"},
     {"motion"},
@@ -50,7 +51,18 @@ ROOMS = [
 LEVEL = {room: level for level, rooms in enumerate(ROOMS) for room in rooms}
 FENICS = {"dolfinx", "ufl", "basix", "ffcx", "dolfinx_external_operator", "petsc4py", "mpi4py", "gmsh", "meshio"}
 # directors and stiffness hand the solver a matrix
-PETSC = {"directors", "stiffness", "statics", "motion", "moving_solver", "stepper", "dynamics", "explicit", "energy"}
+PETSC = {
+    "directors",
+    "stiffness",
+    "linear",
+    "statics",
+    "motion",
+    "moving_solver",
+    "stepper",
+    "dynamics",
+    "explicit",
+    "energy",
+}
 FILES = [path for path in sorted(PACKAGE.rglob("*.py")) if path.parent != PACKAGE or path.name != "__init__.py"]
 every_file = pytest.mark.parametrize("path", FILES, ids=lambda path: str(path.relative_to(PACKAGE)))
 

@@ -1,0 +1,123 @@
+"""The iterative solver of linear systems: its rigid motions, the same answers as LU, iterations, failure."""
+
+import motions
+import numpy as np
+import pytest
+import ufl
+from mpi4py import MPI
+from dolfinx import fem
+
+from fabric_fenicsx import fabrics, linear, meshing, sheet, supports
+from fabric_fenicsx.errors import StepFailed
+from fabric_fenicsx.laws.svk import StVenantKirchhoff
+from fabric_fenicsx.laws.woven import Woven
+
+COMM = MPI.COMM_WORLD
+BLEND = fabrics.load("blend")
+LAWS = {"elastic": StVenantKirchhoff.from_fabric(BLEND), "woven": Woven(BLEND)}
+AREAL_MASS = BLEND.density * BLEND.thickness
+
+
+def square(law="elastic", cells=6, element="mitc4", kinematics="shell"):
+    """A sheet of cloth, 0.3 m x 0.3 m."""
+    domain = meshing.read(motions.SQUARE, COMM, side=motions.SIDE, n=cells, triangles=int(element == "regge"))
+    G = BLEND.shear.modulus[0]
+    element = element if kinematics == "shell" else None
+    return sheet.Sheet(domain, LAWS[law], BLEND.thickness, (G, G), kinematics=kinematics, element=element)
+
+
+def stretched(cloth, options, rtol=1e-9):
+    """A solver of the sheet, gripped at two edges and stretched by 1 %, and its weight, so far 0."""
+    domain, space, end = cloth.domain, cloth.space, fem.Constant(cloth.domain.mesh, 0.01 * motions.SIDE)
+    bcs = supports.clamp(domain, space, "left") + supports.lead(domain, space, "right", 0, end)
+    bcs += [bc for k in (1, 2) for bc in supports.lead(domain, space, "right", k, 0.0)]
+    g = fem.Constant(domain.mesh, np.zeros(3))
+    return cloth.equilibrium(bcs, cloth.weight(AREAL_MASS, g), rtol, options), g
+
+
+def falling(cloth, options):
+    """The sheet in motion, clamped at one edge, after three steps."""
+    weight = cloth.weight(AREAL_MASS, ufl.as_vector((0.0, 0.0, -9.81)))
+    bcs = supports.clamp(cloth.domain, cloth.space, "left")
+    run, _ = cloth.newmark(AREAL_MASS, bcs, weight, rtol=1e-9, options=options)
+    for _ in run.march(6e-3, 2e-3):
+        pass
+    return run.solver
+
+
+@pytest.mark.parallel
+@pytest.mark.parametrize("kinematics, element", [("shell", "mitc4"), ("shell", "regge"), ("membrane", "mitc4")])
+def test_a_free_sheet_resists_no_rigid_motion(kinematics, element):
+    """Directors turn along, which the shear stiffness of a thick sheet feels; nothing is built for LU."""
+    cloth = motions.cloth(COMM, kinematics="membrane") if kinematics == "membrane" else square("elastic", 3, element)
+    assert cloth.equilibrium([])._motions is None
+    solver = cloth.equilibrium([], options=linear.ITERATIVE)
+    solver.residual(solver.begin())
+    A = solver.factorised().getOperators()[0]
+    vectors = A.getNearNullSpace().getVecs()
+    assert len(vectors) == 6
+    diagonal = A.getDiagonal()
+    for motion in vectors:
+        assert abs(motion.norm() - 1) < 1e-12
+        # row by row, for membrane, shear and bending differ by many powers of ten
+        force = (A * motion).array_r / np.maximum(diagonal.array_r, 1e-30)
+        largest = COMM.allreduce(np.abs(force).max(initial=0.0), MPI.MAX)
+        assert largest <= 1e-10
+
+
+@pytest.mark.parallel
+@pytest.mark.parametrize("element", ["mitc4", "regge"])
+@pytest.mark.parametrize("law", LAWS)
+def test_the_same_equilibrium_as_by_lu(law, element):
+    answers = []
+    for options in (linear.DIRECT, linear.ITERATIVE):
+        cloth = square(law, 6, element)
+        solver, g = stretched(cloth, options)
+        for g.value[2] in (0.0, -9.81):
+            solver.solve()
+            solver.commit()
+        answers.append(cloth.q.x.array.copy())
+    assert np.abs(answers[0] - answers[1]).max() < 1e-8 * np.abs(answers[0]).max()
+
+
+@pytest.mark.parallel
+@pytest.mark.parametrize("options", [linear.LAGGED, linear.IN_MOTION], ids=["lagged", "iterative"])
+def test_the_same_motion_as_by_lu(options):
+    answers = []
+    for chosen in (linear.DIRECT, options):
+        cloth = square("woven", 6)
+        falling(cloth, chosen)
+        answers.append(cloth.q.x.array.copy())
+    assert np.abs(answers[0] - answers[1]).max() < 1e-7 * np.abs(answers[0]).max()
+
+
+@pytest.mark.parametrize("moves", [False, True])
+def test_iterations_hardly_grow_as_the_mesh_is_refined(moves):
+    counts = []
+    for cells in (8, 16):
+        if moves:
+            solver = falling(square("woven", cells), linear.IN_MOTION | {"ksp_rtol": 1e-6})
+        else:
+            solver, g = stretched(square("elastic", cells), linear.ITERATIVE)
+            solver.solve()
+            solver.commit()
+            g.value[2] = -9.81
+            solver.solve()
+        counts.append(solver.snes.getLinearSolveIterations() / solver.snes.getIterationNumber())
+    assert counts[1] <= 1.6 * counts[0] <= 16
+
+
+@pytest.mark.parallel
+@pytest.mark.parametrize("stretches", [False, True])
+def test_a_linear_solver_that_does_not_get_there_fails_the_step(stretches):
+    """Both where the supports move and in Newton's method; the sheet is back at the last commit."""
+    cloth, short = square("elastic", 8), linear.ITERATIVE | {"ksp_max_it": 1}
+    if stretches:
+        solver, _ = stretched(cloth, short)
+    else:
+        bcs = supports.clamp(cloth.domain, cloth.space, "left")
+        solver = cloth.equilibrium(bcs, cloth.weight(AREAL_MASS, ufl.as_vector((0.0, 0.0, -9.81))), options=short)
+    before = cloth.q.x.array.copy()
+    with pytest.raises(StepFailed, match="diverged_linear_solve"):
+        solver.solve()
+    assert (cloth.q.x.array == before).all()
