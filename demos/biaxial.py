@@ -12,22 +12,10 @@ import argparse
 from pathlib import Path
 
 import numpy as np
-import ufl
 from dolfinx import fem
+from simple_shear import plane
 
-from fabric_fenicsx import (
-    command,
-    fabrics,
-    frame,
-    hook,
-    kinematics,
-    meshing,
-    pictures,
-    plots,
-    results,
-    statics,
-    weakform,
-)
+from fabric_fenicsx import command, fabrics, meshing, pictures, plots, results, statics
 from fabric_fenicsx.errors import InputError, StepFailed
 from fabric_fenicsx.laws import driver, named
 
@@ -38,12 +26,8 @@ SIDE = 0.254  # m
 def run(fabric, law, steps=20, displacement=0.03, out=None, cells=4, mesh=MESH, comm=MPI.COMM_WORLD):
     """Run a cycle: its table, the relative errors of stress and balance, what stopped it (None, or a sentence)."""
     domain = meshing.read(mesh, comm, gdim=2, **({"side": SIDE, "n": cells} if mesh == MESH else {}))
-    V = fem.functionspace(domain.mesh, ("Lagrange", 1, (2,)))
-    u, v = fem.Function(V), ufl.TestFunction(V)
-    axes = frame.plane_axes(domain.mesh, 0.0)
-    strain, yarns = kinematics.membrane_strain(u, axes), frame.Yarns(domain.mesh, u, axes)
-    sheet = hook.LawHook(law, strain, domain.mesh, degree=2)
-    residual = weakform.internal(sheet.stress, strain, u, v, fabric.thickness, sheet.dx)
+    u, sheet, residual, yarns = plane(domain.mesh, law, fabric.thickness)
+    V = u.function_space
 
     still, pulled = fem.Constant(domain.mesh, 0.0), fem.Constant(domain.mesh, 0.0)
     edge, bcs = {}, []

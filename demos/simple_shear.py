@@ -49,15 +49,21 @@ def cycle_path(cycle, fabric, amplitude, steps):
     return np.concatenate([np.linspace(a, b, max(5, 1 + round(steps * abs(b - a) / amplitude)))[1:] for a, b in legs])
 
 
+def plane(mesh, law, thickness):
+    """A sheet in the plane, warp along x: displacement, the law's hook, residual, and its yarns to be drawn."""
+    V = fem.functionspace(mesh, ("Lagrange", 1, (2,)))
+    u, v = fem.Function(V), ufl.TestFunction(V)
+    axes = frame.plane_axes(mesh, 0.0)
+    strain = kinematics.membrane_strain(u, axes)
+    sheet = hook.LawHook(law, strain, mesh, degree=2)
+    return u, sheet, weakform.internal(sheet.stress, strain, u, v, thickness, sheet.dx), frame.Yarns(mesh, u, axes)
+
+
 def run(fabric, law, cycle="sign", steps=20, amplitude=0.4, out=None, mesh=MESH, comm=MPI.COMM_WORLD):
     """Run a cycle: its table, the relative errors of stress and force, what stopped it (None, or a sentence)."""
     domain = meshing.read(mesh, comm, gdim=2, **({"side": SIDE, "n": 3} if mesh == MESH else {}))
-    V = fem.functionspace(domain.mesh, ("Lagrange", 1, (2,)))
-    u, v = fem.Function(V), ufl.TestFunction(V)
-    axes = frame.plane_axes(domain.mesh, 0.0)
-    strain, yarns = kinematics.membrane_strain(u, axes), frame.Yarns(domain.mesh, u, axes)
-    sheet = hook.LawHook(law, strain, domain.mesh, degree=2)
-    residual = weakform.internal(sheet.stress, strain, u, v, fabric.thickness, sheet.dx)
+    u, sheet, residual, yarns = plane(domain.mesh, law, fabric.thickness)
+    V = u.function_space
 
     moved, edge = fem.Function(V), {}
     for name in "bottom", "right", "top", "left":

@@ -65,8 +65,8 @@ def write(done, path, quick):
         page.p(
             "“Continuous” is the law as a continuous function of strain, the default of this code; “printed” is the "
             "thesis's update, Box 6-1, with its misprints mended. Stress is second Piola-Kirchhoff over the measured "
-            "thickness, strain is Green-Lagrange. A fabric has one colour throughout; a legend shows that of the "
-            "first panel."
+            "thickness, strain is Green-Lagrange. A fabric has one colour throughout; where panels differ in it, the "
+            "legend is grey."
         ),
         page.p("This is the quick variant: few cases, coarse.", kind="settings") if quick else "",
         "".join(page.p(f"The case {line}", kind="failed") for line in failed),

@@ -83,7 +83,10 @@ def plain(*axes: Any) -> None:
 
 
 def legend(figure: "Figure", columns: int = 3) -> None:
-    """One legend below all panels, each label once; grey where panels give it different colours."""
+    """One legend below all panels, each label once; grey where panels give it different colours.
+
+    columns: at most, and no more than the figure has room for.
+    """
     from matplotlib.lines import Line2D
 
     entries: dict[str, Any] = {}
@@ -93,6 +96,8 @@ def legend(figure: "Figure", columns: int = 3) -> None:
             first = entries.setdefault(name, handle)
             if isinstance(first, Line2D) and first.get_color() != handle.get_color():
                 entries[name] = _grey(first)
+    entry = 0.55 + 0.075 * max(map(len, entries), default=0)  # inches, at 8 points
+    columns = max(1, min(columns, int(figure.get_figwidth() / entry)))
     figure.legend(entries.values(), entries, loc="outside lower center", ncols=columns, fontsize=8, frameon=False)
 
 

@@ -281,7 +281,6 @@ def test_two_ranks_give_the_same(demo, tmp_path):
         ("sleeve.py", "--bend -1", "0 to 180 degrees"),
         ("sleeve.py", "--around 5", "a multiple of 4"),
         ("drape.py", "--patch -1", "less than half the side"),
-        ("drape.py", "--against nowhere.csv", "cannot be read"),
         ("drape.py", "--against {file}", "no columns time_s and center_z_m"),
         ("law_steps.py", "--fabric tweed", "'tweed'"),
         ("law_steps.py", "--out {file}", "cannot be written"),

@@ -73,7 +73,7 @@ def test_cost_grows_with_size_and_ranks_agree(demo, tmp_path):
 @pytest.mark.parametrize(
     ("name", "words", "reason"),
     [
-        ("drape.py", "--against {folder}/none.csv", "not the history.csv of a drape"),
+        ("drape.py", "--against {folder}/none.csv", "cannot be read"),
         ("drape.py", "--method explicit --rotary none --cells 4", "directors with inertia"),
         ("pendulum.py", "--angle 180", "between 0 and 180"),
         ("pendulum.py", "--rho 2", "rho must be"),
