@@ -16,7 +16,7 @@ edges: flat, so that it must bend, and stretched by 0.5 %; for every thickness o
     python demos/scaling.py --thickness 1e-2 1e-3 1e-4 --cells 20 40 80
 
 The checked number: heights until 0.25 s on any number of ranks differ by at most 1e-6 of the sag, and those by another
-solver than LU, of a tolerance of its own, by at most 1e-4. With --thickness: the linear solvers differ by at most 1e-4.
+solver than LU, of a tolerance of its own, by at most 1e-4. With --thickness: the linear solvers differ by at most 1e-3.
 """
 
 from mpi4py import MPI  # isort: skip  (first, as in every DOLFINx script: it loads the MPI library)
@@ -42,7 +42,8 @@ DRAPE = Path(__file__).with_name("drape.py")
 REBOUND = 0.25  # s
 SAID = (
     "{cells:3d} cells, {ranks} ranks, {solver:9s} {unknowns:7.0f} unknowns: {seconds:6.1f} s, {iterations_a_step:.1f} "
-    "iterations a step taken, {linear_iterations:4.1f} linear in each, {ms_an_iteration:6.1f} ms, {memory_MB:5.0f} MB"
+    "iterations a step taken, {linear_iterations:4.1f} linear in each, {ms_an_iteration:6.1f} ms "
+    "({cpu_ms:.1f} of the processor), {memory_MB:5.0f} MB"
 )
 RESTS = (
     "h/L {ratio:g}, {element}, {state:9s} {cells:3d} cells, {unknowns:6d} unknowns: LU {lu_s:.2f} s, "
@@ -82,6 +83,7 @@ def row(cells, ranks, solver, table):
         "iterations_a_step": its / table["steps_taken"].sum(),
         "linear_iterations": table["linear_iterations"].sum() / its,
         "ms_an_iteration": 1e3 * table["wall_s"].sum() / its,
+        "cpu_ms": 1e3 * table["cpu_s"].sum() / its,
         "memory_MB": table["memory_MB"][-1],
     }
 
@@ -136,9 +138,9 @@ def thicknesses(args):
             command.say(RESTS.format(element=element, state=state, **rows[-1]))
     worst = max(row["apart"] for row in rows)
     command.say(
-        f"check: solvers agree to 1e-4 (they do to {worst:.1e}): {'yes' if worst <= 1e-4 else 'NO'}; see {args.out}"
+        f"check: solvers agree to 1e-3 (they do to {worst:.1e}): {'yes' if worst <= 1e-3 else 'NO'}; see {args.out}"
     )
-    return 0 if worst <= 1e-4 else 1
+    return 0 if worst <= 1e-3 else 1
 
 
 def plot(path, rows):
@@ -182,7 +184,7 @@ def drapes(args):
                 size = 10 * round(cells * ranks**0.5 / 10) if args.weak else cells
                 history = run(size, ranks, solver, args)
                 rows.append(row(size, ranks, solver, history))
-                table.row(**rows[-1] | {"solver": args.solver.index(solver)})
+                table.row(**rows[-1] | {"solver": list(moving.SOLVERS).index(solver)})
                 command.say(SAID.format(**rows[-1]))
                 if first is None or (args.weak and ranks == args.ranks[0]):
                     first = rows[-1], history
@@ -192,12 +194,12 @@ def drapes(args):
                 command.say(f"  {said}")
     for ranks, solver in product(args.ranks, args.solver) if len(args.cells) > 1 else []:
         own = [r for r in rows if (r["ranks"], r["solver"]) == (ranks, solver)]
-        cost, memory = exponent(own, "ms_an_iteration"), exponent(own, "memory_MB")
-        command.say(f"{solver}, {ranks} ranks: an iteration costs unknowns^{cost:.2f}, memory unknowns^{memory:.2f}")
+        cost, memory = exponent(own, "cpu_ms"), exponent(own, "memory_MB")
+        grows = f"processor time of an iteration unknowns^{cost:.2f}, memory unknowns^{memory:.2f}"
+        command.say(f"{solver}, {ranks} ranks: {grows}")
     plot(args.out / "scaling.png", rows)
-    command.say(
-        f"check: ranks agree to 1e-6 of the sag until {REBOUND} s: {'yes' if worst <= 1.0 else 'NO'}; see {args.out}"
-    )
+    said = f"check: heights agree, ranks to 1e-6 of the sag and solvers to 1e-4, until {REBOUND} s"
+    command.say(f"{said}: {'yes' if worst <= 1.0 else 'NO'}; see {args.out}")
     return 0 if worst <= 1.0 else 1
 
 

@@ -23,6 +23,7 @@ Rooms, in the order in which a scene goes through them, and their names; each ro
 - `weakform`: terms of a weak form: `internal`, `gravity`, `pressure`, `traction`, `point_force` and others
 - `hook`: a law as an operand of UFL forms: `LawHook`; `stiffness`: a shell's work without a form: `InternalWork`
 - `statics`: equilibrium: `StaticSolver`, `march`; `continuation`: `arc_length`
+- `linear`: how their linear systems are solved: `DIRECT`, `LAGGED`, `ITERATIVE`, `IN_MOTION`
 - `dynamics`: implicit motion: `Newmark`; `explicit`: `CentralDifference`; `motion`: their masses: `Motion`
 - `energy`: where the work goes: `Ledger`; `checkpoint`: `save`, `load`, `guard`
 - `results`: histories and fields: `folder`, `Table`, `Fields`, `Average`
@@ -54,7 +55,7 @@ meant to be copied and changed.
   none; a motion goes through them.
 - **Transverse shear** of cloth is not measured; the sheet takes the first shear modulus of its plane for it.
 - **One material a sheet**, though the warp may differ from patch to patch, and a surface without branches (T-joints).
-- **Size.** Steps are solved by a direct solver: time and memory grow faster than the number of cells.
+- **Size.** A direct solver takes 7.1 GB for 340 x 340 cells; others (`linear`) suit motion and sheets in tension.
 """
 
 import sys

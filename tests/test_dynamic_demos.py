@@ -67,7 +67,20 @@ def test_cost_grows_with_size_and_ranks_agree(demo, tmp_path):
     assert status == 0 and "until 0.25 s: yes" in said
     table = np.genfromtxt(tmp_path / "scaling.csv", delimiter=",", names=True)
     assert list(table["unknowns"]) == [6 * 11**2] * 2 + [6 * 21**2] * 2 and (tmp_path / "scaling.png").exists()
-    assert table["ms_an_iteration"][2] > table["ms_an_iteration"][0]
+    assert table["cpu_ms"][2] > table["cpu_ms"][0]
+
+
+def test_solvers_of_linear_systems_are_compared(demo, tmp_path):
+    words = ["--cells", "10", "--solver", "lagged", "iterative", "--end", "0.01", "--out", tmp_path]
+    status, said, _ = demo("scaling.py", *words, "--", "--isotropic", "8e6,0.25")
+    assert status == 0 and "times as fast as lagged on 1" in said and "until 0.25 s: yes" in said
+    table = np.genfromtxt(tmp_path / "scaling.csv", delimiter=",", names=True)
+    assert 1 <= table["linear_iterations"][0] < table["linear_iterations"][1] < 10
+    words = ["--thickness", "1e-2", "1e-4", "--cells", "6", "--out", tmp_path]
+    status, said, _ = demo("scaling.py", *words)
+    table = np.genfromtxt(tmp_path / "thickness.csv", delimiter=",", names=True)
+    assert status == 0 and "solvers agree to 1e-3" in said and len(table) == 8
+    assert (table["iterations"] > 1).all() and (table["apart"] > 0).all()
 
 
 @pytest.mark.parametrize(
