@@ -34,7 +34,7 @@ Rooms, in the order in which a scene goes through them, and their names; each ro
 - `errors`: `InputError`, `StepFailed`
 
 The other rooms serve these: `surface` and `importing` a mesh, `rotation` the directors, `batches` the stiffness,
-`linear` the solvers, `stepper`, `moving_solver` and `stable_step` the motions, `entries` the TOML files, `doctor` the command.
+`stepper`, `moving_solver` and `stable_step` the motions, `entries` the TOML files, `doctor` the command.
 
 The five demos `my_fabric`, `my_mesh`, `my_load`, `my_law` and `my_term` are short, each ends in an exact check, and are
 meant to be copied and changed.
