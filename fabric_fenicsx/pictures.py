@@ -121,29 +121,30 @@ def draw(
         # a uniform value: without zero in the range, colours would show round-off
         low, high = min(low, 0.0), max(high, 0.0)
     low, high = limits or (low, high)
-    ends = np.array([grid.bounds, deformed.bounds]).reshape(2, 3, 2)
-    low_corner, high_corner = ends[..., 0].min(axis=0), ends[..., 1].max(axis=0)
+    plotter = pyvista.Plotter()
+    plotter.background_color = "white"
+    tips = np.zeros((0, 3))
+    if shape.yarns is not None:
+        tips = _arrows(plotter, shape, np.array(view if dim == 3 else (0.0, 0.0, 1.0)))
+    seen = np.concatenate([shape.points, shape.points + shape.moved, tips])
+    low_corner, high_corner = seen.min(axis=0), seen.max(axis=0)
     width, height = (high_corner - low_corner)[:2]
     pixel = max(width / 1100, height / 800) if dim == 2 else None
     above, below = 70, 120  # pixels for the title and the colour bar
     size = (1200, round(height / pixel) + above + below) if pixel else (1200, 900)
-    plotter = pyvista.Plotter(window_size=size)
-    plotter.background_color = "white"
+    plotter.window_size = size
     outline = grid.extract_feature_edges(feature_edges=False, manifold_edges=False)
     if dim == 2:
         outline.translate((0.0, 0.0, 0.01 * max(width, height)), inplace=True)  # nothing may hide it
     if outline.n_points:  # a closed surface has none
         plotter.add_mesh(outline, color="black", line_width=2)
-    edges: dict[str, Any] = {"show_edges": True, "edge_color": "white"}
-    if dim == 3:
-        # on the curved cells themselves, and thin: a dense mesh must not hide the colours
-        edges = {"smooth_shading": True, "split_sharp_edges": False, "ambient": 0.35, "specular": 0.1}
-        lines = deformed.extract_all_edges()
-        deformed = deformed.extract_surface(nonlinear_subdivision=3, algorithm="dataset_surface")
-        plotter.add_mesh(lines, color="black", line_width=1, opacity=0.25)
-        rim = deformed.extract_feature_edges(feature_edges=False, manifold_edges=False)
-        if rim.n_points:
-            plotter.add_mesh(rim, color="black", line_width=1)
+    # edges are those of the curved cells themselves, and thin: a dense mesh must not hide the colours
+    lines = deformed.extract_all_edges()
+    deformed = deformed.extract_surface(nonlinear_subdivision=3, algorithm="dataset_surface")
+    plotter.add_mesh(lines, color="black", line_width=1, opacity=0.25)
+    rim = deformed.extract_feature_edges(feature_edges=False, manifold_edges=False)
+    if rim.n_points:
+        plotter.add_mesh(rim, color="black", line_width=1)
     actor = plotter.add_mesh(
         deformed,
         scalars=label,
@@ -151,7 +152,10 @@ def draw(
         clim=(low, high),
         show_scalar_bar=False,
         lighting=dim == 3,  # it would darken the colours of a flat sheet
-        **edges,
+        smooth_shading=True,
+        split_sharp_edges=False,
+        ambient=0.35 if dim == 3 else 0.0,
+        specular=0.1,
     )
     # behind the lines that lie in it
     actor.mapper.SetResolveCoincidentTopologyToPolygonOffset()
@@ -160,9 +164,6 @@ def draw(
     bar = {"color": "black", "fmt": f"%.{digits}g", "n_labels": 5, "label_font_size": 20}
     bar |= {"position_x": 0.37, "width": 0.53, "position_y": 15 / size[1], "height": 75 / size[1]}
     plotter.add_scalar_bar(title=" ", mapper=actor.mapper, **bar)
-    tips = np.zeros((0, 3))
-    if shape.yarns is not None:
-        tips = _arrows(plotter, shape, np.array(view if dim == 3 else (0.0, 0.0, 1.0)))
     plotter.add_text(label, position=(40, 25), color="black", font_size=14 if len(label) < 28 else 11)
     plotter.add_text(title, position=(40, size[1] - 45), color="black", font_size=14)
     said = "black line: undeformed" + ("; arrows: warp red, weft black" if shape.yarns is not None else "")
@@ -175,7 +176,6 @@ def draw(
         plotter.camera.position = middle + [0.0, 0.0, max(width, height)]
         plotter.camera.parallel_scale = size[1] * pixel / 2
     else:
-        seen = np.concatenate([shape.points, shape.points + shape.moved, tips])
         if box is not None:
             seen = np.stack(np.meshgrid(*np.reshape(box, (3, 2))), axis=-1).reshape(-1, 3)
         _aim(plotter.camera, seen, np.array(view), size[0] / size[1], 1.0 - (above + below) / size[1])
