@@ -221,6 +221,9 @@ def summary(table, run):
         f"recoverable {t['recoverable']:.3g}, by the law {t['by_law']:.3g}, by damping {t['by_damping']:.3g}, "
         f"by the scheme {t['by_scheme']:.3g} J; largest imbalance {imbalance:.2f} %"
     )
+    if ledger.made > 0.01 * ledger.most:
+        made = f"{ledger.made:.4g} J, {100 * ledger.made / ledger.most:.3g} % of the external work"
+        command.say(f"warning: a law without potential made {made}; --poisson lowered makes less")
     return imbalance
 
 

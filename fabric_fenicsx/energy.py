@@ -61,6 +61,8 @@ class Ledger:
         """External work, where it is now, and where it went since the start."""
         self.most = self.worst = 0.0
         """Largest external work and largest imbalance so far, J, without their signs."""
+        self.made = self._dissipated = 0.0
+        """By how much, J, what the law has dissipated has fallen at most: energy that a law without potential made."""
         self._law = 0.0
         self._last: tuple[Any, ...] | None = None
         self._explicit = isinstance(run, CentralDifference)
@@ -105,6 +107,8 @@ class Ledger:
         for work in self._works:
             work.start(work.hook.history.trial)
         self.most, self.worst = max(self.most, abs(t["external"])), max(self.worst, abs(t["imbalance"]))
+        self._dissipated = max(self._dissipated, t["by_law"])
+        self.made = max(self.made, self._dissipated - t["by_law"])
 
     def row(self) -> dict[str, float]:
         """The totals with units, as columns of a `results.Table`."""
@@ -125,12 +129,16 @@ class Ledger:
             "energy_law": self._law,
             "energy_most": self.most,
             "energy_worst": self.worst,
+            "energy_made": self.made,
+            "energy_dissipated": self._dissipated,
         }
 
     def set_numbers(self, numbers: dict[str, float]) -> None:
         """As `numbers` gave them."""
         self.totals = {name: numbers[f"energy_{name}"] for name in self.totals}
-        self._law, self.most, self.worst = (numbers[f"energy_{name}"] for name in ("law", "most", "worst"))
+        self._law, self.most, self.worst, self.made, self._dissipated = (
+            numbers[f"energy_{name}"] for name in ("law", "most", "worst", "made", "dissipated")
+        )
 
     def renew(self) -> None:
         """Go on from a state that has been put in place from outside."""
