@@ -20,7 +20,7 @@ GMRES: Options = {"ksp_type": "gmres", "ksp_pc_side": "right", "ksp_gmres_restar
 LAGGED = DIRECT | GMRES | {"ksp_rtol": 1e-4, "ksp_max_it": 100, "snes_lag_preconditioner": 10}
 """One LU a step of `dynamics`, that of its first Newton iteration, goes on to serve GMRES.
 
-Drape of blend, processor time of a Newton iteration: 0.61 s instead of 0.73 on 80 x 80 cells; no gain on 40 x 40.
+Drape of blend, processor time of a Newton iteration: 0.51 s instead of 0.66 on 80 x 80 cells; no gain on 40 x 40.
 """
 
 ITERATIVE: Options = GMRES | {
@@ -45,8 +45,8 @@ rigid motions, the flat sheet of 40 x 40 cells is not solved by 500. LU takes a 
 IN_MOTION = ITERATIVE | {"ksp_rtol": 1e-4, "pc_gamg_agg_nsmooths": 0}
 """The same for `dynamics`, whose mass helps: aggregation that is not smoothed is set up in a third of the time.
 
-Drape of blend, "mitc4", step 5 ms: 5.0, 6.7, 8.9 iterations on 20 x 20, 40 x 40 and 80 x 80 cells, in the time of LU.
-With "regge" LU takes a third of the time.
+Drape of blend, "mitc4", step 5 ms: 5.0, 6.5, 8.6 iterations on 20 x 20, 40 x 40 and 80 x 80 cells, in the time of
+LU; on 340 x 340, 26 in 1.2 times its time, and 5.6 GB instead of 7.1. With "regge" LU takes a third of the time.
 """
 
 
