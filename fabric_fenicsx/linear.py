@@ -12,13 +12,16 @@ Options = dict[str, object]
 """None: not given, where another has been."""
 
 DIRECT: Options = {"ksp_type": "preonly", "pc_type": "lu", "pc_factor_mat_solver_type": "mumps"}
-"""LU by MUMPS, the default."""
+"""LU by MUMPS, the default: few entries of a surface fill in; 340 x 340 cells take 7.1 GB."""
 
 # rows of given unknowns make any stiffness non-symmetric; from the right, it is true forces that become small
 GMRES: Options = {"ksp_type": "gmres", "ksp_pc_side": "right", "ksp_gmres_restart": 100}
 
 LAGGED = DIRECT | GMRES | {"ksp_rtol": 1e-4, "ksp_max_it": 100, "snes_lag_preconditioner": 10}
-"""One LU a step of `dynamics`, that of its first Newton iteration, goes on to serve GMRES."""
+"""One LU a step of `dynamics`, that of its first Newton iteration, goes on to serve GMRES.
+
+Drape of blend, processor time of a Newton iteration: 0.51 s instead of 0.66 on 80 x 80 cells; no gain on 40 x 40.
+"""
 
 ITERATIVE: Options = GMRES | {
     "ksp_rtol": 1e-6,
@@ -32,10 +35,19 @@ ITERATIVE: Options = GMRES | {
     # unknowns of a coarse grid that no rigid motion moves
     "mg_levels_pc_sor_diagonal_shift": 1e-12,
 }
-"""GMRES with smoothed aggregation, which keeps `RigidMotions`."""
+"""GMRES with smoothed aggregation, which keeps `RigidMotions`.
+
+Iterations on 20 x 20, 40 x 40 and 80 x 80 cells, elastic sheet at rest, "mitc4": flat, 49, 60, 54 for h/L = 1e-2 and
+34, 49, 63 for 1e-4; stretched by 0.5 %, 25, 31, 29 and 9, 15, 20. "regge" takes two to three times as many. Without
+rigid motions, the flat sheet of 40 x 40 cells is not solved by 500. LU takes a third to a tenth of the time.
+"""
 
 IN_MOTION = ITERATIVE | {"ksp_rtol": 1e-4, "pc_gamg_agg_nsmooths": 0}
-"""The same for `dynamics`, whose mass helps: aggregation that is not smoothed is set up in a third of the time."""
+"""The same for `dynamics`, whose mass helps: aggregation that is not smoothed is set up in a third of the time.
+
+Drape of blend, "mitc4", step 5 ms: 5.0, 6.5, 8.6 iterations on 20 x 20, 40 x 40 and 80 x 80 cells, in the time of
+LU; on 340 x 340, 26 in 1.2 times its time, and 5.6 GB instead of 7.1. With "regge" LU takes a third of the time.
+"""
 
 
 _number = itertools.count()
