@@ -29,6 +29,7 @@ studies: setup ## what features cost, where the limits are, error against run ti
 	$(python) demos/lean_scenes.py
 	$(python) demos/stability.py
 	$(python) demos/error_vs_runtime.py
+	$(python) demos/scaling.py --cells 10 20 40 80 --end 0.05
 
 clean: ## remove .venv and the caches in this folder; results under out/ stay
 	rm -rf .venv .cache build *.egg-info .hypothesis .mypy_cache .pytest_cache .ruff_cache
