@@ -77,7 +77,9 @@ def files(folder):
 
 
 def test_tensile(demo, tmp_path):
-    status, said, _ = demo("tensile.py", "--angle", "all", "--steps", "5", "--ends", "free", "--out", tmp_path)
+    status, said, _ = demo(
+        "tensile.py", "--angle", "all", "--steps", "5", "--ends", "free", "--cells", "9x3", "--out", tmp_path
+    )
     assert status == 0 and ": yes;" in said and said.count("force gone") == 3
     for angle in 0, 90, 45:
         table = files(tmp_path / f"blend_{angle}")
@@ -164,7 +166,17 @@ def test_identify_and_pull_the_identified_fabric(demo, tmp_path):
     forces = []
     for fabric, folder in ("duck", "duck"), (tmp_path / "duck" / "fabric.toml", "fabric"):
         status, said, _ = demo(
-            "tensile.py", "--fabric", fabric, "--angle", "all", "--steps", "5", "--out", tmp_path / "pull"
+            "tensile.py",
+            "--fabric",
+            fabric,
+            "--angle",
+            "all",
+            "--steps",
+            "5",
+            "--cells",
+            "18x6",
+            "--out",
+            tmp_path / "pull",
         )
         assert status == 0 and ": yes;" in said
         forces.append(
@@ -232,7 +244,7 @@ def on_two_ranks(commands):
 def test_two_ranks_give_the_same(demo, tmp_path):
     """To 1e-8 where the demo solves to 1e-10 of the force, to 1e-6 with the 1e-6 of tensile.py."""
     runs = {
-        "tensile.py": (["--angle", "30", "--ends", "clamped", "--steps", "5"], "blend_30", 1e-6),
+        "tensile.py": (["--angle", "30", "--ends", "clamped", "--steps", "5", "--cells", "12x4"], "blend_30", 1e-6),
         "simple_shear.py": (["--steps", "5"], "blend_sign", 1e-8),
         "biaxial.py": (["--fabric", "blend", "--steps", "5"], "blend", 1e-8),
     }
