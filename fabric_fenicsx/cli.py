@@ -111,12 +111,16 @@ def fabrics_show(name: str) -> None:
 
 @fabrics_group.command("plot")
 @click.argument("names", nargs=-1, shell_complete=fabric_names)
-@click.option("--out", type=file, default=Path("fabrics.png"), show_default=True, help="Picture: png, pdf or svg.")
-def fabrics_plot(names: tuple[str, ...], out: Path) -> None:
+@click.option("--out", type=file, help="Picture: png, pdf or svg.  [default: out/fabrics.png]")
+def fabrics_plot(names: tuple[str, ...], out: Path | None) -> None:
     """Stress against strain of NAMES (all, if left out): a panel for warp, weft and shear."""
-    from . import fabrics
+    from mpi4py import MPI
+
+    from . import fabrics, results
 
     chosen = [fabrics.load(name) for name in names or fabrics.names()]
+    if out is None:
+        out = results.folder("out", MPI.COMM_SELF) / "fabrics.png"
     with drawn_to(out):
         if len(chosen) == 1:
             chosen[0].plot(out)

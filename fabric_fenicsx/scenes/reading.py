@@ -28,7 +28,7 @@ Every key, with its default where it has one:
 
     [[load]]
     kind = "gravity"                            # pressure, along the normal: pressure_Pa; surface: force_N_per_m2;
-    acceleration_m_per_s2 = [0, 0, -9.81]       # edge: force_N_per_m; point: force_N; these two need `at`
+    acceleration_m_per_s2 = [0, 0, -9.81]       # edge: force_N_per_m; point: force_N; `at`: only these need it
     path = [[0, 1]]                             # how much of it, as above; in statics [[0, 0], [1, 1]]
 
     [statics]                                   # or [dynamics]
