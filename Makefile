@@ -23,7 +23,8 @@ setup: ## .venv and the system libraries, if anything is missing
 	@sh .setup/setup.sh
 
 docs: setup ## pages on every room and the demos to extend from, in out/docs
-	$(python) -m pdoc --docformat markdown -o out/docs fabric_fenicsx demos/my_*.py demos/sleeve.py
+	$(python) -m pdoc --docformat markdown -o out/docs fabric_fenicsx fabric_fenicsx.scenes.reading \
+		fabric_fenicsx.identify.listing fabric_fenicsx.identify.records demos/my_*.py demos/sleeve.py
 
 studies: setup ## what features cost, where the limits are, error against run time; tables and plots under out
 	$(python) demos/lean_scenes.py

@@ -307,7 +307,7 @@ def show(title, rows, path):
 
 
 def arguments():
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.ArgumentDefaultsHelpFormatter)
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=command.Help)
     parser.add_argument("--points", type=command.positive, default=100_000, help="over all ranks")
     parser.add_argument(
         "--quick", action="store_true", help="few repeats, a tenth of the points in the hook, no start-up times"

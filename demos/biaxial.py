@@ -109,7 +109,7 @@ def plot(path, runs):
             stress = np.insert(table.column(f"{name}_stress_MPa"), 0, 0.0)
             axes.plot(strain, stress, label=f"{yarn}, 1:1 biaxial strain", **look)
             fitted = getattr(fabric, yarn).stress(smooth) / 1e6
-            axes.plot(smooth, fitted, label="uniaxial stress, Table 7.1", **plots.FITTED)
+            axes.plot(smooth, fitted, label="uniaxial stress, fitted", **plots.FITTED)
         axes.axhline(0.0, color="0.6", lw=0.8, zorder=0)
         plots.label(axes, fabric.name, "Green-Lagrange strain $E_{11} = E_{22}$ (-)", "stress S (MPa)")
     plots.legend(figure)
@@ -117,7 +117,7 @@ def plot(path, runs):
 
 
 def arguments():
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.ArgumentDefaultsHelpFormatter)
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=command.Help)
     parser.add_argument(
         "--fabric", nargs="+", default=["blend", "denim"], help=f"of {', '.join(fabrics.names())}, or TOML files"
     )

@@ -75,7 +75,7 @@ def apart(one, other):
 
 
 def arguments():
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.ArgumentDefaultsHelpFormatter)
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=command.Help)
     moving.add_arguments(parser, end=0.5, rho=0.8)
     parser.add_argument("--patch", type=command.number, default=0.0, help="side of the squares that are held, m")
     parser.add_argument("--against", type=Path, help="history.csv of another run, to be compared with")

@@ -35,7 +35,7 @@ def recovery(known, again):
 
 
 def arguments():
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.ArgumentDefaultsHelpFormatter)
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=command.Help)
     parser.add_argument("--fabric", default="blend", help="a name, a TOML file, or all")
     parser.add_argument("--noise", type=command.number, default=2.0, help="%% of the largest value of each test")
     parser.add_argument("--specimens", type=command.positive, default=3, help="of each synthetic test")

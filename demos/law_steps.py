@@ -133,7 +133,7 @@ def plot(path, names, steps, errors):
 
 
 def arguments():
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.ArgumentDefaultsHelpFormatter)
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=command.Help)
     parser.add_argument("--fabric", nargs="+", default=list(fabrics.names()), help="names or TOML files")
     parser.add_argument("--poisson", choices=["measured", "lowered"], default="measured")
     parser.add_argument("--cells", type=command.grid, default="9x3", help="cells along and across the strip")

@@ -67,15 +67,15 @@ def pair(text):
 def add_arguments(parser, end, rho):
     """What every sheet in motion can be asked."""
     parser.add_argument("--fabric", default="blend", help="name, or a TOML file")
-    parser.add_argument("--law", choices=named.NAMES, default="continuous")
+    parser.add_argument("--law", choices=named.NAMES, default="continuous", help="svk: elastic, of the first moduli")
     parser.add_argument("--isotropic", type=pair, metavar="E,NU", help="linear elastic instead; Pa")
-    parser.add_argument("--poisson", choices=["measured", "lowered"], default="measured")
-    parser.add_argument("--no-shear-hysteresis", action="store_true")
+    parser.add_argument("--poisson", choices=["measured", "lowered"], default="measured", help="Poisson's ratios")
+    parser.add_argument("--no-shear-hysteresis", action="store_true", help="shear comes back as it went")
     parser.add_argument("--cells", type=command.positive, default=20, help="along a side, even")
-    parser.add_argument("--layers", type=command.positive, default=3)
+    parser.add_argument("--layers", type=command.positive, default=3, help="through the thickness")
     parser.add_argument("--step", type=command.number, default=5.0, help="nominal time step, ms")
     parser.add_argument("--end", type=command.number, default=end, help="s")
-    parser.add_argument("--method", choices=["implicit", "explicit"], default="implicit")
+    parser.add_argument("--method", choices=["implicit", "explicit"], default="implicit", help="of time steps")
     parser.add_argument("--damping", type=command.number, default=0.0, help="a of Rayleigh's a M, 1/s")
     parser.add_argument("--rotary", choices=sheet.ROTARY, default="cell", help="inertia of directors")
     parser.add_argument("--lumped", action="store_true", help="lumped mass, as explicit motion has it")
@@ -89,7 +89,7 @@ def add_common(parser, rho, rtol):
     parser.add_argument("--element", choices=directors.ELEMENTS, default="mitc4")
     parser.add_argument("--rho", type=command.number, default=rho, help="left of the fastest oscillation after a step")
     parser.add_argument("--rtol", type=command.number, default=rtol, help="of Newton's method")
-    parser.add_argument("--animation", action="store_true", help="a gif of 50 frames")
+    parser.add_argument("--animation", action="store_true", help="a gif of 50 frames; for 'fabric-fenicsx view' too")
 
 
 def runner(args, cloth, areal_mass, bcs, loads, set_load=lambda t: None):

@@ -81,14 +81,14 @@ def plot(path, table, fabric):
         axes.plot(strain, stress, label=f"element, along the {yarn}", **plots.style(fabric.name, yarn))
         smooth = np.linspace(0.0, max(strain.max(), 1e-6), 100)
         fitted = getattr(fabric, yarn).stress(smooth) / 1e6
-        axes.plot(smooth, fitted, label="uniaxial stress, Table 7.1", **plots.FITTED)
+        axes.plot(smooth, fitted, label="uniaxial stress, fitted", **plots.FITTED)
         plots.label(axes, name.replace("_", " "), f"{yarn} strain E{k}{k} (-)", f"{yarn} stress S{k}{k} (MPa)")
     plots.legend(figure)
     figure.savefig(path, dpi=150)
 
 
 def arguments():
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.ArgumentDefaultsHelpFormatter)
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=command.Help)
     moving.add_arguments(parser, end=TIME, rho=0.8)
     parser.add_argument("--jerk", action="store_true", help="constant speed out and back")
     parser.add_argument("--out", type=Path, default=Path("out/poke"))

@@ -80,7 +80,7 @@ def one(name, settings, out):
 
 
 def arguments():
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.ArgumentDefaultsHelpFormatter)
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=command.Help)
     parser.add_argument("--case", choices=[*shell_cases.CASES, "locking", "cost", "all"], default="end_shear")
     parser.add_argument(
         "--element", choices=directors.ELEMENTS, help="default: that of triangles; in all: both default ones"

@@ -144,7 +144,7 @@ def plot(path, fabric, table, law):
 
 
 def arguments():
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.ArgumentDefaultsHelpFormatter)
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=command.Help)
     parser.add_argument("--fabric", default="blend", help=f"{', '.join(fabrics.names())}, or a TOML file")
     parser.add_argument(
         "--cycle", choices=["sign", "reload"], default="sign", help="change sign, or unload a little and reload"

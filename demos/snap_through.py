@@ -151,7 +151,7 @@ def thicknesses(text):
 
 
 def arguments():
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.ArgumentDefaultsHelpFormatter)
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=command.Help)
     parser.add_argument("--thickness", type=thicknesses, default="all", help="mm: 12.7, 6.35 or all")
     parser.add_argument("--cells", type=command.positive, default=16, help="along each side of the quarter")
     parser.add_argument("--element", choices=directors.ELEMENTS, help="the default is that of triangles")

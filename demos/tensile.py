@@ -1,7 +1,7 @@
 """Cyclic tensile test of a fabric strip (thesis 7.2.1, 7.2.2): load, unload until the force is gone.
 
 The warp lies at --angle to the load: 0 is the warp test, 90 the weft test, 45 the bias test. Where the
-ends may contract, a warp or weft test must give the fitted curve of Table 7.1: that is the checked number.
+ends may contract, a warp or weft test must give the fabric's fitted curve (Table 7.1): that is the checked number.
 
 As a shell that is not quite flat (--imperfection) and goes back to zero displacement (--whole) the strip buckles, as in
 Figure 7-9 (c).
@@ -53,7 +53,7 @@ class Case:
         return self.fabric.displacement[WAYS.get(self.angle, "bias")]
 
     def fitted(self, strain):
-        """Stress (Pa) of Table 7.1 at an axial strain, for a test along a yarn; else None."""
+        """Stress (Pa) of the fabric's curve at an axial strain, for a test along a yarn; else None."""
         curve = {0.0: self.fabric.warp, 90.0: self.fabric.weft}.get(self.angle)
         return None if curve is None else curve.stress(strain)
 
@@ -195,6 +195,7 @@ def plot(path, runs):
     columns = min(len(names), 2)
     figure, panels = plots.panels(columns, -(-len(names) // columns), 5.0, 3.8)
     for name, axes in zip(names, panels, strict=False):
+        thesis = name in fabrics.names()
         for case, table in (run for run in runs if run[0].fabric.name == name):
             strain, stress = table.column("axial_strain"), table.column("axial_stress_MPa")
             strain, stress = np.insert(strain, 0, 0.0), np.insert(stress, 0, 0.0)
@@ -202,8 +203,8 @@ def plot(path, runs):
             axes.plot(strain, stress, label=f"warp at {case.angle:g}°, {case.ends} ends", **look)
             smooth = np.linspace(0.0, strain.max(), 100)
             for curve, label in (
-                (case.fitted(smooth), "fitted curve, Table 7.1"),
-                (case.trellis(smooth), "Table 7.3, yarns of constant length"),
+                (case.fitted(smooth), "fitted curve" + ", Table 7.1" * thesis),
+                (case.trellis(smooth), "Table 7.3, yarns of constant length" if thesis else "yarns of constant length"),
             ):
                 if curve is not None:
                     axes.plot(smooth, curve / 1e6, label=label, **plots.FITTED)
@@ -241,7 +242,7 @@ def angles(text):
 
 
 def arguments():
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.ArgumentDefaultsHelpFormatter)
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=command.Help)
     parser.add_argument("--fabric", default="blend", help=f"{', '.join(fabrics.names())}, a TOML file, or all")
     parser.add_argument(
         "--angle", type=angles, default="0", help="degrees from the load to the warp, or all: 0, 90 and 45"

@@ -1,10 +1,12 @@
 """The command `fabric-fenicsx`. Rooms are imported by the verbs that use them: `doctor` must start without any."""
 
+import inspect
 import math
 import os
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from importlib import import_module
 from pathlib import Path
 
 import click
@@ -54,6 +56,18 @@ def drawn_to(path: Path) -> Iterator[None]:
         ) from error
 
 
+def keys(room: str) -> Callable[[Callable[..., None]], Callable[..., None]]:
+    """An option that prints the head of a room, where the keys of its file are told."""
+
+    def tell(context: click.Context, parameter: click.Parameter, wanted: bool) -> None:
+        if wanted and not context.resilient_parsing:
+            click.echo(inspect.getdoc(import_module(f"fabric_fenicsx.{room}")))
+            context.exit()
+
+    return click.option("--keys", is_flag=True, is_eager=True, expose_value=False, callback=tell,
+                        help="Print an example with every key of the file, and leave.")  # fmt: skip
+
+
 @app.group("fabrics")
 def fabrics_group() -> None:
     """The measured fabrics: list, show, plot."""
@@ -97,12 +111,16 @@ def fabrics_show(name: str) -> None:
 
 @fabrics_group.command("plot")
 @click.argument("names", nargs=-1, shell_complete=fabric_names)
-@click.option("--out", type=file, default=Path("fabrics.png"), show_default=True, help="Picture: png, pdf or svg.")
-def fabrics_plot(names: tuple[str, ...], out: Path) -> None:
+@click.option("--out", type=file, help="Picture: png, pdf or svg.  [default: out/fabrics.png]")
+def fabrics_plot(names: tuple[str, ...], out: Path | None) -> None:
     """Stress against strain of NAMES (all, if left out): a panel for warp, weft and shear."""
-    from . import fabrics
+    from mpi4py import MPI
+
+    from . import fabrics, results
 
     chosen = [fabrics.load(name) for name in names or fabrics.names()]
+    if out is None:
+        out = results.folder("out", MPI.COMM_SELF) / "fabrics.png"
     with drawn_to(out):
         if len(chosen) == 1:
             chosen[0].plot(out)
@@ -113,13 +131,18 @@ def fabrics_plot(names: tuple[str, ...], out: Path) -> None:
 
 @app.command()
 @click.argument("tests", type=file)
+@keys("identify.listing")
 @click.option("--shear", type=click.Choice(["photographs", "inverse", "net"]), default="photographs",
-              show_default=True, help="Where the shear curve comes from.")  # fmt: skip
+              show_default=True, help="Where the shear curve comes from: marked yarns, or the force of the bias test, "
+              "by simulation (inverse) or of yarns that keep their length (net).")  # fmt: skip
 @click.option("--ends", type=click.Choice(["clamped", "free"]), default="clamped", show_default=True,
               help="Of the simulated strip (--shear inverse).")  # fmt: skip
 @click.option("--out", type=folder, default=Path("out/identify"), show_default=True)
 def identify(tests: Path, shear: str, ends: str, out: Path) -> None:
-    """From test records to a fabric: a one-page report and fabric.toml. TESTS lists the records."""
+    """From test records to a fabric: a one-page report and fabric.toml. TESTS is a TOML file that lists the records.
+
+    See --keys for all that it may hold, and demos/records for one of published tests.
+    """
     from mpi4py import MPI
 
     from . import results
@@ -134,11 +157,12 @@ def identify(tests: Path, shear: str, ends: str, out: Path) -> None:
 
 @app.command()
 @click.argument("scene", type=file)
+@keys("scenes.reading")
 @click.option("--out", type=folder, help="Folder for the results.  [default: out/NAME OF THE SCENE]")
 @click.option("--resume", type=file, help="Go on from the checkpoint of a motion.")
 @click.option("--quiet", is_flag=True, help="No progress.")
 def run(scene: Path, out: Path | None, resume: Path | None, quiet: bool) -> None:
-    """Run SCENE, a TOML file (see demos/scenes); also by mpirun -n N fabric-fenicsx run ..."""
+    """Run SCENE, a TOML file (see --keys, and demos/scenes); also by mpirun -n N fabric-fenicsx run ..."""
     from . import command, results, scenes
 
     said = scenes.read(scene)
@@ -165,13 +189,14 @@ def three(context: click.Context, parameter: click.Parameter, text: str | None) 
 @app.command()
 @click.argument("results_folder", metavar="FOLDER", type=folder)
 @click.option("--frame", type=int, default=-1, help="Which step, from 0; the last, if left out.")
-@click.option("--colour", type=click.Choice(["yarn", "warp", "weft", "shear"]), default="yarn", show_default=True)
+@click.option("--colour", type=click.Choice(["yarn", "warp", "weft", "shear"]), default="yarn", show_default=True,
+              help="By which strain; yarn: the larger of warp and weft.")  # fmt: skip
 @click.option("--view", "eye", callback=three, metavar="X,Y,Z", help="From the sheet to the eye.")
 @click.option("--animation", is_flag=True, help="All steps, as animation.gif.")
 @click.option("--out", type=file, help="Picture, or with --animation .gif or .mp4.  [default: in FOLDER]")
 def view(results_folder: Path, frame: int, colour: str, eye: tuple[float, float, float] | None, animation: bool,
          out: Path | None) -> None:  # fmt: skip
-    """Draw what a run wrote into FOLDER."""
+    """Draw what a run, or a demo with --animation, wrote into FOLDER."""
     from . import system
     from .frames import Series
 

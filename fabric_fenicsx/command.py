@@ -45,6 +45,13 @@ def grid(text: str) -> tuple[int, int]:
     return positive(parts[0]), positive(parts[1])
 
 
+class Help(argparse.RawDescriptionHelpFormatter, argparse.ArgumentDefaultsHelpFormatter):
+    """For --help: the text as it stands in the script, and the defaults that say something."""
+
+    def _get_help_string(self, action: argparse.Action) -> str | None:
+        return action.help if action.default is None or action.default is False else super()._get_help_string(action)
+
+
 def parse(parser: argparse.ArgumentParser) -> argparse.Namespace:
     """The command line; where it is wrong, only rank 0 says so and all ranks leave with status 2."""
     quiet = MPI.COMM_WORLD.rank != 0

@@ -90,7 +90,8 @@ def march(
                         set_load(done)
                         raise StepFailed(
                             f"Step {number} stopped at load {done:.6g} on its way to {target:.6g}, after "
-                            f"{cuts} cuts of the step: {error}. Smaller steps or a smoother load may help."
+                            f"{cuts} cuts of the step: {error}. Smaller steps or a smoother load may help, "
+                            "or motion where cloth is slack or flat; is the load in its unit?"
                         ) from None
                     continue
                 solver.commit()

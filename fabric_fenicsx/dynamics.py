@@ -142,7 +142,8 @@ class Newmark(Stepper):
                     self.set_load(self.time)
                     raise StepFailed(
                         f"The motion stopped at t = {self.time:.6g} s, after {self.cuts} cuts, in a step of "
-                        f"{dt:.3g} s: {error}. A smaller step, rho below 1, or damping may help."
+                        f"{dt:.3g} s: {error}. A smaller step, rho below 1, or damping may help; "
+                        "is the load in its unit?"
                     ) from None
             self.cuts += 1
             self._part /= 2

@@ -73,7 +73,8 @@ class Series:
             x, y, z = map(float, self._mesh["view"])
         except (OSError, KeyError, ValueError) as error:
             raise InputError(
-                f"{str(folder)!r} holds no frames; give the output folder of 'fabric-fenicsx run'."
+                f"{str(folder)!r} holds no frames; give the output folder of 'fabric-fenicsx run', or of a demo that "
+                "was run with --animation."
             ) from error
         self.view = (x, y, z)
 

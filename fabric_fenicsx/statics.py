@@ -257,7 +257,8 @@ class StaticSolver:
             raise RuntimeError(f"A law must not raise, but one did: {faults[0]}.") from self._fault
         worst = max(self.comm.allgather(max((hook.worst() for hook in self.hooks), default=(0.0, ""))))
         self.restore()
-        history = ", ".join(f"{norm:.2e}" for norm in self.residuals)
+        norms = [f"{norm:.2e}" for norm in self.residuals]
+        history = ", ".join(norms if len(norms) <= 8 else [*norms[:4], "...", *norms[-4:]])
         where = f"; largest strain in {worst[1]}" if worst[1] else ""
         return StepFailed(f"Newton's method failed ({reason}); residuals in N: {history}{where}")
 

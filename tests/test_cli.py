@@ -353,6 +353,12 @@ def test_the_example_in_the_docstring_is_a_scene(tmp_path):
     assert found.dynamic and found.probes[0].axis == 2 and found.loads[0].value == (0, 0, -9.81)
 
 
+@pytest.mark.parametrize(("verb", "key"), [("run", "acceleration_m_per_s2"), ("identify", "gauge_length_mm")])
+def test_the_keys_of_a_file_are_printed(command, verb, key):
+    status, said, _ = command(verb, "--keys")
+    assert status == 0 and key in said
+
+
 # --- doctor
 
 

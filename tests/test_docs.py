@@ -58,7 +58,8 @@ def imports_of(path):
 
 
 def test_make_docs(tmp_path):
-    recipe = re.search(r"^docs:.*\n\t\$\(python\) (.*)", (ROOT / "Makefile").read_text(), re.M).group(1).split()
+    text = (ROOT / "Makefile").read_text().replace("\\\n", "")
+    recipe = re.search(r"^docs:.*\n\t\$\(python\) (.*)", text, re.M).group(1).split()
     assert any(name.startswith("pdoc") for name in PROJECT["optional-dependencies"]["dev"])
     words = [str(d) for word in recipe for d in (sorted(ROOT.glob(word)) if word.startswith("demos/") else [word])]
     words[words.index("out/docs")] = str(tmp_path)
@@ -67,5 +68,9 @@ def test_make_docs(tmp_path):
     )
     assert answer.returncode == 0, answer.stderr
     assert "What it cannot do" in (tmp_path / "fabric_fenicsx.html").read_text()
+    for page, key in (("scenes/reading", "turn_deg"), ("identify/listing", "warp_dots"), ("identify/records", "Load")):
+        assert key in (tmp_path / "fabric_fenicsx" / f"{page}.html").read_text()
+        room, name = page.split("/")
+        assert f'href="{room}/{name}.html"' in (tmp_path / "fabric_fenicsx" / f"{room}.html").read_text()
     for path in DEMOS:
         assert "The checked number" in (tmp_path / f"{path.stem}.html").read_text()

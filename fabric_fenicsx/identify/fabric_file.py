@@ -21,12 +21,15 @@ def toml(found: Identified) -> str:
     missing = [f"the {way} curve" for way in WAYS if way not in found.curves]
     missing += [key for key in ("nu12", "nu21") if key not in found.poisson and key not in tests.assumed]
     if missing:
+        inverse = " Without photographs of the bias test, --shear inverse finds the shear curve from its force."
         raise InputError(
             f"{tests.file}: the records do not tell {', '.join(missing)}, so there is no whole fabric; "
             "add the tests, or for a Poisson's ratio a value under [assumed]."
+            + inverse
+            * (found.bias is not None and "shear" not in found.curves)
         )
     lines = [
-        f"# Identified by fabric_fenicsx from {_quoted(tests.source)}.",
+        f"# Identified by fabric_fenicsx; source of the records: {_quoted(tests.source)}.",
         "# ± is the standard error.",
         "",
     ]
@@ -42,7 +45,8 @@ def toml(found: Identified) -> str:
     lines += ["", "[sources]"]
     for way in WAYS:
         curve = found.curves[way]
-        lines.append(f'{way} = "{len(curve.readings) or len(found.bias_records)} specimens, {curve.how}"')
+        number = len(curve.readings) or len(found.bias_records)
+        lines.append(f'{way} = "{number} specimen{"s" * (number > 1)}, {curve.how}"')
     return "\n".join([*lines, ""])
 
 

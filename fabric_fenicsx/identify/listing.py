@@ -1,27 +1,29 @@
 """Reads the list of the tests of one fabric, a TOML file: strip, records, and what is assumed for want of a test.
 
-name = "my shirt"
-label = "S1"
-material = "Cotton"
-weave = "Plain"
-thickness_mm = 0.38
-density_kg_per_m3 = 590
-gauge_length_mm = 76.2
-width_mm = 25.4
-source = "tested on ..."        # optional, as is all that follows but one record
-columns = ["displacement (mm)", "force (N)"]  # of records of force that do not name theirs
+Every key; the files that it names are told in `fabric_fenicsx.identify.records`:
 
-[records]                       # files beside this one, one a specimen
-warp = ["warp_1.csv", "warp_2.csv"]
-weft = ["weft_1.csv"]
-bias = ["bias_1.csv"]
-warp_dots = ["warp_1_dots.csv"]
-weft_dots = ["weft_1_dots.csv"]
+    name = "my shirt"
+    label = "S1"
+    material = "Cotton"
+    weave = "Plain"
+    thickness_mm = 0.38
+    density_kg_per_m3 = 590
+    gauge_length_mm = 76.2
+    width_mm = 25.4
+    source = "tested on ..."        # optional, as is all that follows but one record
+    columns = ["displacement (mm)", "force (N)"]  # of records of force that do not name theirs
 
-[assumed]                       # used only where no record tells; a ratio may be zero
-nu12 = 0.3
-nu21 = 0.3
-warp_unloading_MPa = 900        # and weft_..., shear_... (dS12/dE12)
+    [records]                       # files beside this one, one a specimen; lines as "displacement (mm),force (N)"
+    warp = ["warp_1.csv", "warp_2.csv"]
+    weft = ["weft_1.csv"]
+    bias = ["bias_1.csv"]
+    warp_dots = ["warp_1_dots.csv"] # a line a photograph: displacement_mm,a_x_mm,a_y_mm,b_x_mm,b_y_mm,c_x_mm,c_y_mm
+    weft_dots = ["weft_1_dots.csv"]
+
+    [assumed]                       # used only where no record tells; a ratio may be zero
+    nu12 = 0.3
+    nu21 = 0.3
+    warp_unloading_MPa = 900        # and weft_..., shear_... (dS12/dE12)
 """
 
 import tomllib

@@ -1,5 +1,10 @@
 """Reads the records of tensile tests: CSV with named, unit-bearing columns, as testing machines write them.
 
+    time_s,displacement_mm,force_N
+
+or, as other machines write it, `Extension (mm);Load (N)`; the time is optional, and a strain may stand for the
+displacement, a stress or a force per width for the force. Several readings up, and where there are any, back.
+
 What a file may have and is mended, with a note: lines of text before the columns, units in a line of their own,
 semicolons, tabs and decimal commas, readings that are missing, times out of order, force or displacement with
 reversed sign, a displacement that does not begin at zero. Anything else is refused in one sentence (`InputError`).

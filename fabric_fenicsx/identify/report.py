@@ -109,7 +109,8 @@ def _misfit(axes: "Axes", found: Identified, way: str) -> None:
 
 def _ratio(axes: "Axes", found: Identified, key: str, test: str) -> None:
     title = rf"$\nu_{{{key[2:]}}}$, {test}"
-    if not _frame(axes, title, "strain along the load (-)", "strain across (-)", key in found.poisson):
+    word = f"no dots; assumed {found.tests.assumed[key]:g}" if key in found.tests.assumed else "not determined"
+    if not _frame(axes, title, "strain along the load (-)", "strain across (-)", key in found.poisson, word):
         return
     for k, one in enumerate(found.contractions[key]):
         axes.plot(one.along, one.across, ".", ms=2.5, color=f"C{k}", alpha=0.6)
@@ -156,7 +157,7 @@ def _table(found: Identified) -> str:
         number, patches = found.poisson[key], np.mean([one.patches for one in several])
         lines.append(f"{key}  {number}, n = {number.specimens}; from patch to patch of a strip ± {patches:.2g}")
     if found.bias is not None:
-        kilby = f"{found.kilby / 1e6:.3g}" if found.kilby else "not to be had"
+        kilby = f"{found.kilby / 1e6:.3g}" if found.kilby else "not determined"
         line = f"bias  initial modulus {found.bias.loading.modulus[0] / 1e6:.3g}; G12 by Kilby (3.4) {kilby}"
         if "shear" in found.curves:
             line += f"; initial G12 of the shear curve {found.curves['shear'].loading.modulus[0] / 2e6:.3g}"

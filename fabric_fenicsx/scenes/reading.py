@@ -1,54 +1,56 @@
 """Reads a scene file; every entry is checked, and a fault is one sentence that names the key and what to do.
 
-title = "a sheet hangs by its corners"      # of the pictures
+Every key, with its default where it has one:
 
-[mesh]
-file = "../../meshes/drape.geo"             # beside this file; as `meshing.read` takes it
-numbers = { side = 1.0, n = 12 }            # of a .geo
-orient = false                              # turn cells so that neighbours face the same side
+    title = "a sheet hangs by its corners"      # of the pictures
 
-[sheet]
-fabric = "blend"                            # a name, or a TOML file beside this one
-law = "continuous"                          # printed, svk (St. Venant-Kirchhoff with the fabric's first moduli)
-poisson = "measured"                        # lowered
-shear_hysteresis = true
-warp = [1, 0, 0]                            # a direction; or one for each group: { sleeve = [0, 0, 1] }
-kinematics = "shell"                        # membrane
-element = "mitc4"                           # see `directors.ELEMENTS`
-layers = 3
+    [mesh]
+    file = "../../meshes/drape.geo"             # beside this file; as `meshing.read` takes it
+    numbers = { side = 1.0, n = 12 }            # of a .geo
+    orient = false                              # turn cells so that neighbours face the same side
 
-[[support]]                                 # as many as are needed
-at = "corners"                              # a named group of the mesh
-kind = "lead"                               # hinge; clamp; symmetry: axis; grip: shift_m, turn_deg, about_m
-axis = "z"
-shift_m = 0.1                               # of a grip three numbers
-path = [[0, 0], [1, 1]]                     # how much of the move, over the load part (statics) or the time in s
+    [sheet]
+    fabric = "blend"                            # a name, or a TOML file beside this one
+    law = "continuous"                          # printed, svk (St. Venant-Kirchhoff with the fabric's first moduli)
+    poisson = "measured"                        # lowered
+    shear_hysteresis = true
+    warp = [1, 0, 0]                            # a direction; or one for each group: { sleeve = [0, 0, 1] }
+    kinematics = "shell"                        # membrane
+    element = "mitc4"                           # see `directors.ELEMENTS`
+    layers = 3
 
-[[load]]
-kind = "gravity"                            # pressure: pressure_Pa; surface: force_N_per_m2; edge: force_N_per_m;
-acceleration_m_per_s2 = [0, 0, -9.81]       # point: force_N; the last two need `at`, the others may have it
-path = [[0, 1]]                             # how much of it, as above; in statics [[0, 0], [1, 1]]
+    [[support]]                                 # as many as are needed
+    at = "corners"                              # a named group of the mesh
+    kind = "lead"                               # hinge; clamp; symmetry: axis; grip: shift_m, turn_deg, about_m
+    axis = "z"
+    shift_m = 0.1                               # of a grip three numbers
+    path = [[0, 0], [1, 1]]                     # how much of the move, over the load part (statics) or the time in s
 
-[statics]                                   # or [dynamics]
-turns = [1]                                 # load parts to go to; [1, 0] loads and takes the load away
-steps = 10                                  # to each
-smallest = 0.015625                         # part of a step below which it is not cut any more
+    [[load]]
+    kind = "gravity"                            # pressure, along the normal: pressure_Pa; surface: force_N_per_m2;
+    acceleration_m_per_s2 = [0, 0, -9.81]       # edge: force_N_per_m; point: force_N; `at`: only these need it
+    path = [[0, 1]]                             # how much of it, as above; in statics [[0, 0], [1, 1]]
 
-[dynamics]
-end_s = 0.5
-step_ms = 5.0
-rho = 0.8
-damping_per_s = 0.0
+    [statics]                                   # or [dynamics]
+    turns = [1]                                 # load parts to go to; [1, 0] loads and takes the load away
+    steps = 10                                  # to each
+    smallest = 0.015625                         # part of a step below which it is not cut any more
 
-[[probe]]
-name = "centre"                             # a column centre_z_m in history.csv: mean displacement of a group
-at = "centre"
-axis = "z"
+    [dynamics]
+    end_s = 0.5
+    step_ms = 5.0
+    rho = 0.8
+    damping_per_s = 0.0
 
-[output]
-colour = "yarn"                             # the strain in pictures: warp, weft, shear, or the larger yarn strain
-view = [1, -2, 1.2]                         # from the sheet to the eye
-animation = false
+    [[probe]]
+    name = "centre"                             # a column centre_z_m in history.csv: mean displacement of a group
+    at = "centre"
+    axis = "z"
+
+    [output]
+    colour = "yarn"                             # the strain in pictures: warp, weft, shear, or the larger yarn strain
+    view = [1, -2, 1.2]                         # from the sheet to the eye
+    animation = false
 """
 
 from collections.abc import Mapping
@@ -147,7 +149,7 @@ class Scene:
 def read(path: str | Path) -> Scene:
     """Read a scene file. Raises InputError for what is missing, unknown, of the wrong type, or makes no sense."""
     path = Path(path)
-    file = entries.read(path, "a scene file", "the head of fabric_fenicsx.scenes.reading")
+    file = entries.read(path, "a scene file", "the example of 'fabric-fenicsx run --keys'")
     file.expect("mesh sheet support", "title load statics dynamics probe output")
     mesh, sheet = file.table("mesh"), file.table("sheet")
     mesh.expect("file", "numbers orient")
