@@ -117,8 +117,8 @@ def draw(
     grid["moved"], grid.cell_data[label] = shape.moved, shape.values
     deformed = grid.warp_by_vector("moved")
     low, high = deformed.get_data_range(label)
-    if high - low <= 1e-6 * max(abs(low), abs(high)):
-        # a uniform value: without zero in the range, colours would show round-off
+    if high - low <= 1e-4 * max(abs(low), abs(high)):
+        # a uniform value: without zero in the range, colours would show its noise
         low, high = min(low, 0.0), max(high, 0.0)
     low, high = limits or (low, high)
     plotter = pyvista.Plotter()
