@@ -1,5 +1,6 @@
 """What implicit and explicit motion share: a PETSc TS of Python type, supports that move, a checkpoint's numbers."""
 
+import weakref
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -7,8 +8,19 @@ import numpy as np
 from dolfinx import fem
 from petsc4py import PETSc
 
+from .hook import forget_traversals
 from .laws import Array
 from .motion import Motion
+
+
+class _Context:
+    """What the TS holds on to: not its owner, for PETSc's reference would close a cycle that Python cannot see."""
+
+    def __init__(self, owner: "Stepper") -> None:
+        self._owner = weakref.ref(owner)
+
+    def step(self, ts: PETSc.TS) -> None:
+        self._owner().step(ts)  # type: ignore[union-attr]
 
 
 class Stepper:
@@ -31,12 +43,13 @@ class Stepper:
         self.interrupted = self._began = False
         self.linear_iterations = 0
         """So far; without linear systems, none."""
-        self.ts = PETSc.TS().createPython(self, comm=self.comm)
+        self.ts = PETSc.TS().createPython(_Context(self), comm=self.comm)
         self.ts.setSolution(motion.q.x.petsc_vec)
         self.ts.setTime(start)
         self.ts.setMaxTime(1e300)
         self.ts.setMaxSteps(2**31 - 1)
         self.ts.setFromOptions()
+        forget_traversals()
 
     def given(self, t: float) -> Array:
         """Put the loads of a time into the scene; its values of the given unknowns."""

@@ -1,5 +1,7 @@
 """Implicit dynamics: orders in time, exact motions, damping, the account of energy, steps that fail."""
 
+import gc
+import weakref
 from itertools import pairwise
 
 import motions
@@ -367,6 +369,23 @@ def test_the_ledger_tells_what_a_law_without_potential_makes(both):
     assert run.ledger.made == pytest.approx(fall, rel=1e-3, abs=1e-6 * run.ledger.most)
     made = run.ledger.made / run.ledger.most
     assert made > 0.1 if both else made < 1e-3
+
+
+@pytest.mark.parametrize("method", ["newmark", "explicit"])
+def test_a_motion_is_freed(method):
+    """Else a study of many scenes runs out of MPI communicators; PETSc's TS holds its Python context."""
+    freed = []
+    for _ in range(2):
+        cloth = motions.cloth(MPI.COMM_SELF, Woven(BLEND))
+        run, _ = getattr(cloth, method)(motions.AREAL_MASS, supports.hinge(cloth.domain, cloth.space, "left"))
+        for _ in run.march(1e-4, 1e-4):
+            pass
+        freed.append(weakref.ref(run))
+        freed.append(weakref.ref(cloth))
+        del run, cloth, _
+    gc.collect()
+    # UFL's caches may keep what the last one compiled
+    assert [reference() is None for reference in freed[:3]] == [True] * 3
 
 
 # --- steps that fail
