@@ -73,7 +73,7 @@ def listed(quick=False):
     if quick:
         add("drape continuous blend", "motion.drape", fabric="blend", times=(0.0, 0.02), most=100, cells=4, end=0.02)
         add("loops blend", "points.loops", fabric="blend", trials=50, generations=1, parts=50)
-        add("cycles blend", "statics.cycles", fabric="blend", steps=6, cells=(9, 3))
+        add("cycles blend", "statics.cycles", fabric="blend", steps=6, cells=(9, 3), shots=("bias",))
         add("material blend", "points.material", fabric="blend", steps=20)
         add("shear sign blend", "statics.shear", fabric="blend", cycle="sign", steps=6)
         return cases

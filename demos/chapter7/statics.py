@@ -43,11 +43,11 @@ def thumbnail(path, width=560):
     return base64.b64encode(data.getvalue()).decode()
 
 
-def draw(*words, **more):
-    """`pictures.picture`, as text for a page."""
+def draw(*words, by=pictures.picture, **more):
+    """What `by` draws, as text for a page."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "picture.png"
-        pictures.picture(path, *words, **more)
+        by(path, *words, **more)
         return thumbnail(path)
 
 
@@ -62,7 +62,7 @@ def test(case, shots=()):
     def shoot(name, hook, load):
         refresh()
         title = f"{case.fabric.name}, warp at {case.angle:g} degrees, {load * 1e3:.3g} mm"
-        views[name] = draw(case, shown, hook, title)
+        views[name] = draw(case, shown, hook, title, by=tensile.picture)
 
     def watch(step, hook):
         if step.number in shots:
@@ -138,7 +138,7 @@ def buckled(fabric, steps, cells, height_mm):
         heights.append(1e3 * float(np.abs(shown.x.array[2::3]).max()))
         if step.number in (1, steps) or step.load == 0.0:
             title = f"{case.fabric.name}, {step.load * 1e3:.3g} mm"
-            view = draw(case, shown, hook, title, view=(0.5, -2.0, 0.9))
+            view = draw(case, shown, hook, title, by=tensile.picture, view=(0.5, -2.0, 0.9))
             views[f"{step.load * 1e3:.3g} mm"] = view
 
     table, peak, stopped = tensile.run(case, scene=scene, watch=watch)
@@ -175,7 +175,7 @@ def ratios(fabric, steps, values):
         given = replace(known, poisson={"measured": (nu, nu), "lowered": (nu, nu)})
         for way in "warp", "weft":
             for law in LAWS:
-                done = test(tensile.Case(given, WAYS[way], law, steps=steps))
+                done = test(tensile.Case(given, WAYS[way], law, steps=steps, **tensile.THESIS))
                 fitted = getattr(known, way).stress(done["top"]["axial_strain"]) / 1e6
                 found[f"{nu:g} {way} {law}"] = {
                     "stopped": done["stopped"],
@@ -192,7 +192,7 @@ def increments(fabric, counts):
         for ends in "free", "clamped":
             peaks = {}
             for law in LAWS:
-                case = tensile.Case(given, angle, law, ends=ends)
+                case = tensile.Case(given, angle, law, ends=ends, **tensile.THESIS)
                 scene = tensile.strip(case)
                 steps = counts if law == "printed" else [counts[0], counts[-1]]
                 peaks[law], _ = law_steps.study(case, scene, steps, MPI.COMM_WORLD)
