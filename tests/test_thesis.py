@@ -16,7 +16,7 @@ from fabric_fenicsx import fabrics
 from fabric_fenicsx.laws.woven import Woven
 
 demo, DEMOS = test_demos.demo, test_demos.DEMOS
-QUICK = {"7-1", "7-5", "7-10", "7-14", "7-20", "7-27", "7-31", "7-37"}
+QUICK = {"7-1", "7-5", "7-10", "7-14", "7-19", "7-20", "7-27", "7-31", "7-37"}
 
 
 @pytest.fixture
