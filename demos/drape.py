@@ -40,7 +40,7 @@ def scene(args, comm=MPI.COMM_WORLD):
     weight = cloth.weight(areal_mass, ufl.as_vector((0.0, 0.0, -G)))
     bcs = supports.hinge(cloth.domain, cloth.space, "corner_patches" if args.patch else "corners")
     run, ledger = moving.runner(args, cloth, areal_mass, bcs, weight)
-    probes = {"center_z_m": moving.value_at(cloth, 2, "centre")}
+    probes = {"centre_z_m": moving.value_at(cloth, 2, "centre")}
     name, made_with = f"drape of {Path(args.fabric).stem}", moving.settings("drape", args, f"patch {args.patch}")
     return moving.Scene(name, cloth, run, ledger, probes, made_with)
 
@@ -50,14 +50,14 @@ def history(path):
     try:
         with open(path, newline="") as file:
             rows = list(csv.DictReader(file))
-        return tuple(np.array([float(row[name]) for row in rows or [{}]]) for name in ("time_s", "center_z_m"))
+        return tuple(np.array([float(row[name]) for row in rows or [{}]]) for name in ("time_s", "centre_z_m"))
     except OSError as error:
         raise InputError(
             f"--against {path} cannot be read ({error.strerror}); give the history.csv of a drape."
         ) from None
     except (KeyError, ValueError, TypeError):
         raise InputError(
-            f"--against {path} has no columns time_s and center_z_m; give the history.csv of a drape."
+            f"--against {path} has no columns time_s and centre_z_m; give the history.csv of a drape."
         ) from None
 
 
@@ -91,14 +91,14 @@ def main():
     command.say(f"{played.name}: {played.sheet.q.function_space.dofmap.index_map.size_global} unknowns")
     table = moving.play(played, args, out, progress=True)
     imbalance = moving.summary(table, played.run)
-    fall = [row["center_z_m"] for row in table.rows if abs(row["time_s"] - 0.1) < 1e-9]
+    fall = [row["centre_z_m"] for row in table.rows if abs(row["time_s"] - 0.1) < 1e-9]
     missed = abs(fall[0] / (-G * 0.1**2 / 2) - 1) if fall else 0.0
-    command.say(f"centre at {table.rows[-1]['center_z_m']:.4f} m")
+    command.say(f"centre at {table.rows[-1]['centre_z_m']:.4f} m")
     if fall:
         command.say(f"free fall at 0.1 s missed by {100 * missed:.3f} %")
     good, checks = imbalance <= 1.0 and missed <= 0.003, "free fall to 0.3 %, imbalance at most 1 %"
     if other:
-        good &= apart((table.column("time_s"), table.column("center_z_m")), other) <= 1.0
+        good &= apart((table.column("time_s"), table.column("centre_z_m")), other) <= 1.0
         checks += ", at most 1 % of the sag apart"
     command.say(f"check: {checks}: {'yes' if good else 'NO'}; see {out}")
     return 0 if good else 1

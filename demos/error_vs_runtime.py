@@ -19,9 +19,6 @@ from mpi4py import MPI  # isort: skip  (first, as in every DOLFINx script: it lo
 
 import argparse
 import json
-import os
-import subprocess
-import sys
 import time
 import warnings
 from pathlib import Path
@@ -30,7 +27,7 @@ import error_cases
 import numpy as np
 import studies
 
-from fabric_fenicsx import command, plots, results, system
+from fabric_fenicsx import command, plots, results
 from fabric_fenicsx.errors import InputError, StepFailed
 
 LEVELS = (0.1, 0.01, 0.001)
@@ -52,11 +49,7 @@ def on_ranks(name, setting):
     """As `once`, on as many ranks as the setting says."""
     if setting.get("ranks", 1) == 1:
         return once(name, setting)
-    mpirun = system.mpirun()
-    if mpirun is None:
-        raise InputError(f"{setting['ranks']} ranks need mpirun, and there is none on the path.")
-    words = [mpirun, "-n", str(setting["ranks"]), sys.executable, __file__, "--one", name, json.dumps(setting)]
-    done = subprocess.run(words, env=os.environ | {"OMP_NUM_THREADS": "1"}, capture_output=True, text=True)
+    done = studies.on_ranks(setting["ranks"], __file__, "--one", name, json.dumps(setting))
     said = [line for line in done.stdout.splitlines() if line.startswith("[")]
     if done.returncode or not said:
         raise StepFailed(f"{name} on {setting['ranks']} ranks has not run: {done.stderr.strip()[-300:]}")

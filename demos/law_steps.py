@@ -159,8 +159,8 @@ def main():
     warnings.filterwarnings("ignore", message=".*beyond the measured")
 
     command.say("Cycles; smallest eigenvalue of the acoustic tensor in the sheet at the last step and at any")
-    command.say(f"{'fabric':12s}{'angle':>5s} {'ends':8s}{'law':11s}{'S MPa':>8s}{'its up':>7s}{'down':>6s}{'cuts':>5s}"
-                f"{'s':>6s}{'last MPa':>10s}{'least':>9s}  {'not elliptic':13s}  end, mm")  # fmt: skip
+    command.say(f"{'fabric':12s}{'angle':>5s} {'ends':8s}{'law':11s}{'S MPa':>8s}{'Newton up':>10s}{'down':>6s}"
+                f"{'cuts':>5s}{'s':>6s}{'last MPa':>10s}{'least':>9s}  {'not elliptic':13s}  end, mm")  # fmt: skip
     cycles, studies, right = [], [], True
     for case in cases:
         peaks = {}
@@ -175,14 +175,14 @@ def main():
             right = right and not (stopped != "complete" and law == "continuous")
             command.say(
                 f"{row['fabric']:12s}{case.angle:5g} {case.ends:8s}{law:11s}{row['peak_stress_MPa']:8.3f}"
-                f"{row['newton_iterations_up']:7.1f}{row['newton_iterations_down']:6.1f}{row['step_cuts']:5d}"
+                f"{row['newton_iterations_up']:10.1f}{row['newton_iterations_down']:6.1f}{row['step_cuts']:5d}"
                 f"{row['wall_s']:6.2f}{row['acoustic_eigenvalue_last_MPa']:10.3f}"
                 f"{row['acoustic_eigenvalue_least_MPa']:9.3f}  {row['not_elliptic_from_mm']:13s}  {stopped}"
             )
         studies.append((case, peaks))
 
     command.say("\nError of the peak stress, %, against the continuous law with the smallest steps, or where it stops")
-    heads = ["S MPa", "to fit %", f"cont. {steps[0]}", *(f"printed {n}" for n in steps), "order"]
+    heads = ["S MPa", "off fit, %", f"cont. {steps[0]}", *(f"printed {n}" for n in steps), "order"]
     command.say(f"{'fabric':12s}{'angle':>5s} {'ends':8s}" + "".join(f"{head:>12s}" for head in heads))
     rows, lines = [], []
     for case, peaks in studies:

@@ -63,7 +63,7 @@ def scene(args, comm=MPI.COMM_WORLD):
     held, move = supports.grip(cloth.domain, cloth.space, "middle")
     bcs = supports.clamp(cloth.domain, cloth.space, "rim") + held
     run, ledger = moving.runner(args, cloth, areal_mass, bcs, 0, lambda t: move((0, 0, height(t, args.jerk))))
-    probes = {"center_z_m": moving.value_at(cloth, 2, "centre")}
+    probes = {"centre_z_m": moving.value_at(cloth, 2, "centre")}
     for name, place in ELEMENTS.items():
         values = probe(cloth, place)
         for k, column in enumerate(("E11", "E22", "S11_MPa", "S22_MPa")):
@@ -106,7 +106,7 @@ def main():
     imbalance = moving.summary(table, played.run)
     last, peak = table.rows[-1], table.column("element_207_E11").max()
     command.say(f"element 207: warp strain {peak:.4f} at most, {last['element_207_E11']:.4f} at the end")
-    good = imbalance <= 1.0 and abs(last["center_z_m"] - height(last["time_s"], args.jerk)) < 1e-9
+    good = imbalance <= 1.0 and abs(last["centre_z_m"] - height(last["time_s"], args.jerk)) < 1e-9
     command.say(f"check: middle where it was put, imbalance at most 1 %: {'yes' if good else 'NO'}; see {out}")
     return 0 if good else 1
 

@@ -22,18 +22,16 @@ solver than LU, of a tolerance of its own, by at most 1e-4. With --thickness: th
 from mpi4py import MPI  # isort: skip  (first, as in every DOLFINx script: it loads the MPI library)
 
 import argparse
-import os
-import subprocess
-import sys
 import time
 from itertools import product
 from pathlib import Path
 
 import moving
 import numpy as np
+import studies
 from dolfinx import fem
 
-from fabric_fenicsx import command, directors, linear, meshing, plots, results, sheet, supports, system
+from fabric_fenicsx import command, directors, linear, meshing, plots, results, sheet, supports
 from fabric_fenicsx.errors import InputError, StepFailed
 from fabric_fenicsx.laws.svk import StVenantKirchhoff
 
@@ -55,17 +53,10 @@ def run(cells, ranks, solver, args):
     """The history of one drape, a structured array."""
     out = results.folder(args.out / f"{cells}_cells_{ranks}_ranks_{solver}")
     # a looser tolerance would show in the heights, for sums on two ranks round otherwise
-    words = [sys.executable, DRAPE, "--patch", "0.2", "--cells", cells, "--end", args.end, "--rtol", 1e-6, "--out", out]
-    words += ["--solver", solver, *args.also]
-    if ranks > 1:
-        mpirun = system.mpirun()
-        if mpirun is None:
-            raise InputError(f"--ranks {ranks} needs mpirun, and there is none on the path.")
-        words = [mpirun, "-n", ranks, *words]
-    # a rank has one core
-    done = subprocess.run([str(word) for word in words], env=os.environ | {"OMP_NUM_THREADS": "1"}, capture_output=True)
+    words = ["--patch", "0.2", "--cells", cells, "--end", args.end, "--rtol", 1e-6, "--out", out]
+    done = studies.on_ranks(ranks, DRAPE, *words, "--solver", solver, *args.also)
     if done.returncode == 2 or not (out / "history.csv").exists():
-        last = done.stderr.decode().strip().splitlines()[-1:]
+        last = done.stderr.strip().splitlines()[-1:]
         raise StepFailed(f"The drape of {cells} cells on {ranks} ranks has not run: {' '.join(last)}")
     return np.genfromtxt(out / "history.csv", delimiter=",", names=True)
 
@@ -95,7 +86,7 @@ def exponent(rows, name):
 
 def apart(one, other):
     """Largest difference of heights as a part of the sag: until the rebound, and after it (nan if not reached)."""
-    z, w = one["center_z_m"], other["center_z_m"]
+    z, w = one["centre_z_m"], other["centre_z_m"]
     difference = np.abs(z - w) / np.abs(z).max()
     early = one["time_s"] <= REBOUND + 1e-9
     return difference[early].max(), difference[~early].max(initial=0.0) if (~early).any() else np.nan

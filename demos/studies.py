@@ -1,10 +1,12 @@
-"""What the studies share: tables, processor time, kernels that are compiled, the machine."""
+"""What the studies share: tables, processor time, kernels that are compiled, other ranks, the machine."""
 
 import contextlib
 import csv
 import os
 import platform
 import shutil
+import subprocess
+import sys
 import tempfile
 import time
 from dataclasses import dataclass
@@ -15,7 +17,8 @@ import ufl
 from mpi4py import MPI
 from petsc4py import PETSc
 
-from fabric_fenicsx import command
+from fabric_fenicsx import command, system
+from fabric_fenicsx.errors import InputError
 
 WIDTHS = {"case": 16, "worst": 13, "computed": 12, "reference": 12}
 
@@ -53,6 +56,18 @@ def fastest(call, repeats=5):
         call()
         times.append(time.process_time() - clock)
     return min(times)
+
+
+def on_ranks(ranks, script, *words, cwd=None):
+    """Run a script in a process of its own on each rank, with a core each; how it ended and what it said."""
+    before = []
+    if ranks > 1:
+        mpirun = system.mpirun()
+        if mpirun is None:
+            raise InputError(f"{ranks} ranks need mpirun, and there is none on the path.")
+        before = [mpirun, "-n", ranks]
+    words = [str(word) for word in (*before, sys.executable, script, *words)]
+    return subprocess.run(words, cwd=cwd, env=os.environ | {"OMP_NUM_THREADS": "1"}, capture_output=True, text=True)
 
 
 @dataclass

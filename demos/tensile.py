@@ -226,7 +226,7 @@ def report(case, table, peak, stopped):
     right = balanced and not (exact and abs(top["axial_stress_MPa"] / fitted * 1e6 - 1) > 0.005)
     line = (
         f"{case.fabric.name:24s}{case.angle:6g} {case.ends:8s}{top['displacement_mm']:9.2f}"
-        f"{top['axial_stress_MPa']:10.3f}{difference:>11s}{up:7.1f}{down:7.1f}"
+        f"{top['axial_stress_MPa']:10.3f}{difference:>11s}{up:10.1f}{down:6.1f}"
         f"{int(table.column('step_cuts').sum()):5d}{table.column('wall_s').sum():8.2f}  "
     )
     if stopped:
@@ -247,8 +247,8 @@ def arguments():
     parser.add_argument(
         "--angle", type=angles, default="0", help="degrees from the load to the warp, or all: 0, 90 and 45"
     )
-    parser.add_argument("--law", choices=named.MEASURED, default="continuous")
-    parser.add_argument("--poisson", choices=["measured", "lowered"], default="measured")
+    parser.add_argument("--law", choices=named.MEASURED, default="continuous", help="the thesis's is the printed one")
+    parser.add_argument("--poisson", choices=["measured", "lowered"], default="measured", help="Poisson's ratios")
     parser.add_argument("--cells", type=command.grid, default="36x12", help="cells along and across the strip")
     parser.add_argument(
         "--mesh",
@@ -281,8 +281,8 @@ def main():
     if args.imperfection and args.kinematics != "shell":
         raise InputError("Only a shell has a height: --imperfection goes with --kinematics shell.")
     out = results.folder(args.out)
-    command.say(f"{'fabric':24s}{'angle':>6s} {'ends':8s}{'up to mm':>9s}{'S MPa':>10s}{'to fit %':>11s}"
-                f"{'its up':>7s}{'down':>7s}{'cuts':>5s}{'s':>8s}  end")  # fmt: skip
+    command.say(f"{'fabric':24s}{'angle':>6s} {'ends':8s}{'up to mm':>9s}{'S MPa':>10s}{'off fit, %':>11s}"
+                f"{'Newton up':>10s}{'down':>6s}{'cuts':>5s}{'s':>8s}  end")  # fmt: skip
     for name in names:
         fabric = fabrics.load(name)
         for angle in args.angle:

@@ -185,15 +185,12 @@ def test_run_and_view(command, tmp_path):
     assert command("view", tmp_path / "one", "--animation")[0] == 0
     assert (tmp_path / "one" / "animation.gif").stat().st_size > 10_000
 
-    mpirun = system.mpirun()
-    if mpirun is None:
-        pytest.skip("there is no mpirun")
-    words = [mpirun, "-n", "2", sys.executable, "-c", ENTRY, "run", str(path), "--out"]
-    answer = subprocess.run([*words, tmp_path / "two"], capture_output=True, text=True, timeout=200, check=False)
+    words = ["-c", ENTRY, "run", path, "--out", tmp_path / "two"]
+    answer = test_demos.python_on_two_ranks(*words, timeout=200)
     assert answer.returncode == 0 and answer.stdout.count("4 steps") == 1, answer.stderr
     assert np.allclose(read(tmp_path / "two" / "history.csv")["pulled_end_x_N"], force, rtol=1e-6)
     path.write_text(STATIC.replace("blend", "tweed"))
-    answer = subprocess.run([*words, tmp_path / "two"], capture_output=True, text=True, timeout=100, check=False)
+    answer = test_demos.python_on_two_ranks(*words, timeout=100)
     assert answer.returncode == 2 and answer.stderr.count("error: ") == 1 and "'tweed'" in answer.stderr
 
 

@@ -225,18 +225,17 @@ for words in json.loads(sys.argv[1]):
 """
 
 
+def python_on_two_ranks(*words, timeout=280):
+    """How Python ended on two ranks, and what it said."""
+    mpirun = system.mpirun()
+    assert mpirun, "there is no mpirun: make setup brings it"
+    words = [mpirun, "-n", "2", sys.executable, *map(str, words)]
+    return subprocess.run(words, capture_output=True, text=True, timeout=timeout, check=False)
+
+
 def on_two_ranks(commands):
     """Run demos one after the other on two ranks; each must say that its check is met, once, by rank 0."""
-    mpirun = system.mpirun()
-    if mpirun is None:
-        pytest.skip("there is no mpirun")
-    answer = subprocess.run(
-        [mpirun, "-n", "2", sys.executable, "-c", TWICE, json.dumps(commands)],
-        capture_output=True,
-        text=True,
-        timeout=280,
-        check=False,
-    )
+    answer = python_on_two_ranks("-c", TWICE, json.dumps(commands))
     assert answer.returncode == 0, answer.stderr
     assert answer.stdout.count(": yes;") == len(commands), "said once, by rank 0"
 
@@ -293,7 +292,7 @@ def test_two_ranks_give_the_same(demo, tmp_path):
         ("sleeve.py", "--bend -1", "0 to 180 degrees"),
         ("sleeve.py", "--around 5", "a multiple of 4"),
         ("drape.py", "--patch -1", "less than half the side"),
-        ("drape.py", "--against {file}", "no columns time_s and center_z_m"),
+        ("drape.py", "--against {file}", "no columns time_s and centre_z_m"),
         ("law_steps.py", "--fabric tweed", "'tweed'"),
         ("law_steps.py", "--out {file}", "cannot be written"),
     ],

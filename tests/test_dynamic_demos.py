@@ -106,7 +106,7 @@ def test_bad_input_is_answered_in_a_sentence(demo, tmp_path, name, words, reason
 def test_two_ranks_give_the_same(demo, tmp_path):
     """The drape of fabric until after the start of its fall, a swing, and a flight."""
     runs = {
-        "drape": (["drape.py", "--cells", "4", "--end", "0.05"], "", "center_z_m"),
+        "drape": (["drape.py", "--cells", "4", "--end", "0.05"], "", "centre_z_m"),
         "swing": (["pendulum.py", "--angle", "60", "--step", "10"], "60_degrees", "angle_deg"),
         "flight": (["pendulum.py", "--free", "--steps", "20"], "", "angular_momentum_x_Nms"),
         "strip": (["hanging_strip.py", "--modes", "1", "--cells", "10", "--points", "20"], "mode_1", "end_x_m"),

@@ -91,7 +91,7 @@ def check_numbers(page, folder):
     loop = answer(folder, "loops blend")["measured measured"]
     assert f"makes {loop['share']:.3g} times what it stores" in words and loop["gap"] < 1e-9
     fall = answer(folder, "drape continuous blend")
-    assert f"{fall['history']['center_z_m'][-1]:.3f}" in words and f"{fall['imbalance_percent']:.2f} %" in words
+    assert f"{fall['history']['centre_z_m'][-1]:.3f}" in words and f"{fall['imbalance_percent']:.2f} %" in words
     assert "8 + 826 E" in words and "Every row of Table 7.1 that is shown is reproduced" in words
     assert "44 % at 0.3" in words, "what the thesis says itself"
 

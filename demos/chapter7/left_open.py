@@ -77,7 +77,7 @@ def hysteresis(r):
     rows = [
         (name, "yes" if name in done else f"no, it stops at {answer['stopped_at_s']:.3f} s",
          f"{answer['imbalance_percent']:.2f} %", f"{answer['iterations_a_step']:.1f}",
-         f"{sum(answer['history']['step_cuts']):.0f}", f"{answer['history']['center_z_m'][-1]:.3f}")
+         f"{sum(answer['history']['step_cuts']):.0f}", f"{answer['history']['centre_z_m'][-1]:.3f}")
         for name, answer in found.items()
     ]  # fmt: skip
     pokes = {name: r.get(f"poke continuous {name}") for name in NAMES}
@@ -94,8 +94,8 @@ def hysteresis(r):
         f"{answer}.",
         f"With shear hysteresis on and measured ratios the drape runs to {end:g} s for {page.joined(done)}, and at "
         f"most {worst_:.2f} % of the external work is not accounted for." if done else None,
-        f"Without it blend's centre ends at {off['history']['center_z_m'][-1]:.3f} m in place of "
-        f"{found['blend']['history']['center_z_m'][-1]:.3f} m, and the imbalance is {off['imbalance_percent']:.2f} %."
+        f"Without it blend's centre ends at {off['history']['centre_z_m'][-1]:.3f} m in place of "
+        f"{found['blend']['history']['centre_z_m'][-1]:.3f} m, and the imbalance is {off['imbalance_percent']:.2f} %."
         if off and "blend" in found else None,
         f"The poke goes out and back for {page.joined(through) or 'none'}." if pokes else None,
         f"It stops for {page.joined(halted)}." if halted else None,

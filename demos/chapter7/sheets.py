@@ -101,12 +101,12 @@ def drape(r):
         fabric, printed = name.split(",")[0], "printed" in name
         history = answer["history"]
         style = {"color": "0.4" if printed else plots.style(fabric)["color"], "ls": "--" if "off" in name else "-"}
-        one.plot(history["time_s"], history["center_z_m"], label=name, **style)
+        one.plot(history["time_s"], history["centre_z_m"], label=name, **style)
         left = 100 * history["kinetic_J"][-1] / max(answer["external_work_most_J"], 1e-300)
-        rows.append((name, f"{history['center_z_m'][-1]:.3f}", f"{left:.1f} %", *energies(answer)))
+        rows.append((name, f"{history['centre_z_m'][-1]:.3f}", f"{left:.1f} %", *energies(answer)))
     plots.label(one, "", "time (s)", "height of the centre (m)")
     plots.legend(figure, 3)
-    t, z = (np.array(blend["history"][key]) for key in ("time_s", "center_z_m"))
+    t, z = (np.array(blend["history"][key]) for key in ("time_s", "centre_z_m"))
     low, last = int([*np.flatnonzero(np.diff(z) > 0), len(z) - 1][0]), max(len(z) - 5, 1)
     left = 100 * blend["history"]["kinetic_J"][-1] / blend["external_work_most_J"]
     speed = np.abs(np.diff(z[last - 1 :]) / np.diff(t[last - 1 :])).max()

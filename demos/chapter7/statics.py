@@ -22,7 +22,7 @@ from fabric_fenicsx.laws import named
 
 warnings.filterwarnings("ignore", message=".*beyond the measured")  # the sections say it
 LAWS = named.MEASURED
-WAYS = {"warp": 0.0, "weft": 90.0, "bias": 45.0}
+WAYS = {way: angle for angle, way in tensile.WAYS.items()}
 
 
 def columns(table):
