@@ -71,7 +71,7 @@ def add_arguments(parser, end, rho):
     parser.add_argument("--isotropic", type=pair, metavar="E,NU", help="linear elastic instead; Pa")
     parser.add_argument("--poisson", choices=["measured", "lowered"], default="measured", help="Poisson's ratios")
     parser.add_argument("--no-shear-hysteresis", action="store_true", help="shear comes back as it went")
-    parser.add_argument("--cells", type=command.positive, default=20, help="along a side, even")
+    parser.add_argument("--cells", type=command.positive, default=30, help="along a side, even; the thesis has 20")
     parser.add_argument("--layers", type=command.positive, default=3, help="through the thickness")
     parser.add_argument("--step", type=command.number, default=5.0, help="nominal time step, ms")
     parser.add_argument("--end", type=command.number, default=end, help="s")

@@ -9,7 +9,9 @@ import ufl
 from dolfinx import fem, mesh
 
 from fabric_fenicsx import assumed_strain, frame, hook, kinematics, meshing, statics, weakform
+from fabric_fenicsx.laws.section import Section
 from fabric_fenicsx.laws.svk import StVenantKirchhoff
+from fabric_fenicsx.stiffness import InternalWork
 
 MESHES = Path(__file__).parent.parent / "meshes"
 THICKNESS = 0.5e-3
@@ -229,3 +231,15 @@ def shell(space, q, thickness, E, nu, warp=(1, 0, 0)):
     across = ufl.dot(weakform.shear_stiffness(space.mesh, (G, G), thickness), shear)
     inner = weakform.internal(stress, strain, q, test, 1.0, space.dx)
     return inner + weakform.internal(across, shear, q, test, 1.0, space.dx_shear)
+
+
+def shell_works(space, q, thickness, E, nu, warp=(1, 0, 0)):
+    """The same in batches of cells, for `StaticSolver`, with no form to compile."""
+    law, G = StVenantKirchhoff.isotropic(E, nu), E / 2 / (1 + nu)
+    strain, across = assumed_strain.shell_strains(space, q, warp)
+    stress = fem.Constant(space.mesh, Section(law, thickness).elastic(law.stiffness))
+    resistance = weakform.shear_stiffness(space.mesh, (G, G), thickness)
+    return [
+        InternalWork(space, q, strain, stress, space.dx),
+        InternalWork(space, q, across, resistance, space.dx_shear),
+    ]

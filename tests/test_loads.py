@@ -176,10 +176,8 @@ def test_tangent_of_the_pressure(closed):
 
 def newton(space, q, thickness, E, nu, loads, bcs, warp=(1, 0, 0)):
     """Newton, to round-off, on an isotropic shell under loads."""
-    residual = scenes.shell(space, q, thickness, E, nu, warp)
-    for load in loads:
-        residual -= load
-    return statics.StaticSolver(residual, q, bcs, rtol=1e-11, space=space, options={"snes_max_it": 50})
+    works = scenes.shell_works(space, q, thickness, E, nu, warp)
+    return statics.StaticSolver(-sum(loads), q, bcs, rtol=1e-11, options={"snes_max_it": 50}, space=space, works=works)
 
 
 def largest(q, dofs):
