@@ -5,8 +5,8 @@ at points the sag of a sheet without bending stiffness has no limit under refine
 
 The two methods agree on one mesh if the mass of both is lumped, and the implicit steps are short:
 
-    python demos/drape.py --patch 0.1 --method explicit --out out/explicit
-    python demos/drape.py --patch 0.1 --lumped --step 1.25 --against out/explicit/history.csv
+    python demos/drape.py --cells 20 --patch 0.1 --method explicit --out out/explicit
+    python demos/drape.py --cells 20 --patch 0.1 --lumped --step 1.25 --against out/explicit/history.csv
 
 The checked numbers: the centre falls freely until the wave from the corners is there, 9.81 t^2/2 at 0.1 s to 0.3 %; and
 at most 1 % of the external work is not accounted for. With --against, the heights of the centre at 0.1, 0.2 ... s

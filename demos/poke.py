@@ -1,8 +1,8 @@
 """The middle of a clamped sheet is pushed out by 0.40 m and back in 0.5 s (thesis 7.3.3).
 
-2 m x 2 m, all of the rim clamped, warp along x; the middle fifth of each side (4 x 4 of 20 x 20 elements) moves as
-one rigid body, by 0.2 m (1 - cos(2 pi t / 0.5 s)). The thesis does not tell how it moved; --jerk: at constant speed.
-There is no gravity. With --law svk the sheet recovers; the fabric law leaves it stretched, and so wrinkled.
+2 m x 2 m, all of the rim clamped, warp along x; the middle fifth of each side (4 x 4 of the thesis's 20 x 20 elements)
+moves as one rigid body, by 0.2 m (1 - cos(2 pi t / 0.5 s)). The thesis does not tell how it moved; --jerk: at constant
+speed. There is no gravity. With --law svk the sheet recovers; the fabric law leaves it stretched, and so wrinkled.
 
 Elements 207 and 271 of Figure 7-32, numbered down the columns from 1, are beside the middle in the warp and in
 the weft direction: their strains and stresses are in history.csv and stress_strain.png.

@@ -3,7 +3,6 @@
 from pathlib import Path
 
 import numpy as np
-import ufl
 from dolfinx import fem
 
 from fabric_fenicsx import dynamics, energy, meshing, motion, sheet
