@@ -3,7 +3,8 @@
 One table, a row a feature, of small scenes with and without it: unknowns, kernels compiled (integrals of forms and
 expressions), batches of cells (`stiffness.InternalWork`), processor time of compiling them into an empty cache, bytes
 of history (of laws and of motion, committed and trial), and processor time of a Newton iteration (residual, stiffness,
-factorisation, solution; the fastest of several), to which the energy ledger adds what it does once a step.
+factorisation, solution; the fastest of several, for which the scenes take turns), to which the energy ledger adds what
+it does once a step.
 
 Then the elastic plane scene is held against the same problem in twenty lines of plain DOLFINx, in this run; and on one
 rank a drape of 6 x 6 cells is started in a process of its own, its forms in the cache, until its first step is done.
@@ -20,17 +21,17 @@ from mpi4py import MPI  # isort: skip  (first, as in every DOLFINx script: it lo
 
 import argparse
 import time
-from functools import cache
 from pathlib import Path
 
 import numpy as np
 import studies
-from lean_model import DT, FEATURES, LENGTH, PLANE, PULL, QUICK, Built, by_hand
+from lean_model import FEATURES, LENGTH, PLANE, PULL, QUICK, STEPS, Built, by_hand
 
-from fabric_fenicsx import command, plots, results
+from fabric_fenicsx import command, continuation, plots, results
 from fabric_fenicsx.errors import StepFailed
 
 ALLOWED, START = 1.1, 4.0  # of the time by hand; s
+TURNS = 4
 STARTED = """
 import sys, time
 began = float(sys.argv.pop())
@@ -45,18 +46,33 @@ print(imported - began, built - imported, time.time() - built)
 """
 
 
-def measure(scene, cells, cold):
-    """A scene and what it costs."""
-    with studies.compiled(cold) as made:
-        built = Built(scene, cells, MPI.COMM_WORLD)
-    return {
-        "unknowns": built.unknowns,
-        "kernels": made.integrals + made.expressions,
-        "batches": built.batches,
-        "history_bytes": built.history,
-        "compile_s": made.cpu_s,
-        "ms": 1e3 * built.iterations(),
-    }
+def build(scenes, cells, cold):
+    """Scene -> what it is, built, and what it costs but for its iterations."""
+    found, bar = {}, continuation.progress_bar(len(scenes), "scenes", MPI.COMM_WORLD)
+    for scene in scenes:
+        with studies.compiled(cold) as made:
+            built = Built(scene, cells, MPI.COMM_WORLD)
+        cost = {
+            "unknowns": built.unknowns,
+            "kernels": made.integrals + made.expressions,
+            "batches": built.batches,
+            "history_bytes": built.history,
+            "compile_s": made.cpu_s,
+            "ms": np.inf,
+        }
+        found[scene] = built, cost
+        bar.update()
+    bar.close()
+    return found
+
+
+def measure(scenes, cells, cold):
+    """Scene -> what it costs. The scenes take turns, so that a clock that changes its pace is the same to all."""
+    found = build(scenes, cells, cold)
+    for _ in range(TURNS):
+        for built, cost in found.values():
+            cost["ms"] = min(cost["ms"], 1e3 * built.iteration(STEPS // TURNS))
+    return {scene: cost for scene, (_, cost) in found.items()}
 
 
 def against_hand(cells, rounds):
@@ -69,10 +85,10 @@ def against_hand(cells, rounds):
         with studies.compiled(False) as made:
             built = Built(PLANE, cells, MPI.COMM_WORLD)
         kernels[0] = made.integrals + made.expressions
-        best[0] = min(best[0], built.iterations())
+        best[0] = min(best[0], built.iteration(STEPS))
         u.x.array[:] = 0.0
-        for t in np.arange(1, 17) * DT:
-            end.value = PULL * LENGTH * (t / (20 * DT)) ** 2
+        for k in range(1, STEPS + 1):
+            end.value = PULL * LENGTH * (k / (1.25 * STEPS)) ** 2
             clock = time.process_time()
             problem.solve()
             best[1] = min(best[1], (time.process_time() - clock) / problem.solver.getIterationNumber())
@@ -124,16 +140,16 @@ def main():
     parser.add_argument("--out", type=Path, default=Path("out/lean_scenes"))
     args = command.parse(parser)
     out, cells = results.folder(args.out), (18, 12) if args.quick else (48, 32)
-    known = cache(lambda scene: measure(scene, cells, not args.quick))
+    features = {name: pair for name, pair in FEATURES.items() if not args.quick or name in QUICK}
+    scenes = dict.fromkeys([scene for pair in features.values() for scene in pair])
     rows, lean = [], True
     command.say(studies.machine())
     command.say(f"{cells[0]} x {cells[1]} cells; each pair is without -> with")
     command.say(f"{'feature':24s}{'unknowns':>17s}{'kernels':>10s}{'batches':>10s}{'history, kB':>18s}"
                 f"{'compiling, s':>16s}{'iteration, ms':>18s}")  # fmt: skip
-    for feature, pair in FEATURES.items():
-        if args.quick and feature not in QUICK:
-            continue
-        without, with_it = map(known, pair)
+    costs = measure(scenes, cells, not args.quick)
+    for feature, pair in features.items():
+        without, with_it = (costs[scene] for scene in pair)
         rows.append(row(feature, without, with_it))
         lean &= all(without[name] <= with_it[name] for name in ("unknowns", "kernels", "batches", "history_bytes"))
         command.say(
@@ -146,7 +162,7 @@ def main():
     if MPI.COMM_WORLD.rank == 0:
         plot(out / "lean_scenes.png", rows)
     (own, hand), kernels = against_hand((60, 40) if args.quick else (120, 80), 3)
-    ratio, plain = own / hand, known(PLANE)
+    ratio, plain = own / hand, costs[PLANE]
     command.say(
         f"elastic plane scene: {own:.2f} ms an iteration, {kernels[0]} kernels, {plain['history_bytes']} bytes of "
         f"history; by hand {hand:.2f} ms, {kernels[1]} kernels; ratio {ratio:.2f}"
