@@ -73,3 +73,20 @@ def test_front_and_cheapest_setting(monkeypatch):
     assert [row and row["cpu_s"] for row in study.cheapest(rows, 1e-4).values()] == [1.0, 2.0, None]
     assert study.cheapest(rows, 0.05) == {0.1: rows[0], 0.01: None, 0.001: None}
     assert study.apart(None, np.ones(2)) == np.inf and study.apart(np.array([1.0, 3.0]), np.array([1.0, 4.0])) == 0.25
+
+
+def test_the_base_of_a_study_is_the_default_of_its_demo(monkeypatch):
+    monkeypatch.syspath_prepend(DEMOS)
+    monkeypatch.setattr(sys, "argv", ["demo"])
+    import drape
+    import error_cases
+    import poke
+    import tensile
+
+    for demo in drape, poke:
+        base, args = error_cases.CASES[demo.__name__][0](quick=False).base, demo.arguments()
+        assert base == {"element": args.element, "cells": args.cells, "ms": args.step, "layers": args.layers,
+                        "rtol": args.rtol, "method": args.method, "ranks": 1, "solver": args.solver}  # fmt: skip
+    args = tensile.arguments()
+    tried = error_cases.CASES["strip"][0](quick=False).settings
+    assert any(args.cells == (3 * s["cells"], s["cells"]) and args.degree == s["degree"] for s in tried)
