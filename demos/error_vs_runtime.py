@@ -5,10 +5,10 @@ poke, each with one setting after another changed: law, element, cells, steps, t
 implicit or explicit, ranks. The error is the largest deviation of what is asked for from a reference with finer cells
 and steps, as a part of its largest value; the reference's own error is at most about its difference from one a step
 coarser: errors below that tell little. Times are processor time and wall time of the way through the loads, medians of
-three (of one where it takes more than 2 s); set-up, with what it compiles, is apart.
+three; set-up, with what it compiles, is apart.
 
-    python demos/error_vs_runtime.py                    # all of it, some 20 minutes
-    python demos/error_vs_runtime.py --quick            # few settings, coarse references
+    python demos/error_vs_runtime.py                    # all of it, some 25 minutes
+    python demos/error_vs_runtime.py --quick            # few settings, each once, coarse references
     python demos/error_vs_runtime.py --case strip
 
 The checked number: every setting but one with the law as printed comes to an end, and the cheapest one of every case
@@ -57,15 +57,13 @@ def on_ranks(name, setting):
 
 
 def measured(name, setting, repeats):
-    """Numbers and medians of the times, and of how many runs; numbers are None if a step failed."""
-    runs = []
+    """Numbers, and medians of the times of several runs; numbers are None if a step failed."""
     try:
-        while len(runs) < repeats and (not runs or runs[0][2] <= 2.0):
-            runs.append(on_ranks(name, setting))
+        runs = [on_ranks(name, setting) for _ in range(repeats)]
     except StepFailed as error:
         command.say(f"  {error_cases.label(setting)}: {str(error)[:90]} ...")
-        return None, np.nan, np.nan, np.nan, 0
-    return np.array(runs[0][0]), *np.median([run[1:] for run in runs], axis=0), len(runs)
+        return None, np.nan, np.nan, np.nan
+    return np.array(runs[0][0]), *np.median([run[1:] for run in runs], axis=0)
 
 
 def apart(values, reference):
@@ -85,9 +83,9 @@ def study(name, quick):
     )
     rows = []
     for setting in case.settings:
-        values, setup, cpu, wall, runs = measured(name, setting, 1 if quick else 3)
+        values, setup, cpu, wall = measured(name, setting, 1 if quick else 3)
         rows.append({"case": name, "setting": error_cases.label(setting), "error": apart(values, finest), "cpu_s": cpu,
-                     "wall_s": wall, "setup_cpu_s": setup, "runs": runs, "base": setting == case.base,
+                     "wall_s": wall, "setup_cpu_s": setup, "base": setting == case.base,
                      "group": group(setting)})  # fmt: skip
     cost = np.array([row["cpu_s"] for row in rows])
     error = np.array([row["error"] for row in rows])
