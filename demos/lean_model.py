@@ -128,6 +128,11 @@ def thick(cloth):
     return [InternalWork(cloth.shell, cloth.q, strain, law, cloth.dx), cloth.works[1]]
 
 
+def pulled(steps):
+    """Displacement of the end after a number of steps, m."""
+    return PULL * LENGTH * (steps / (1.25 * STEPS)) ** 2
+
+
 class Built:
     """A scene that is stretched step by step. Public: `unknowns`, `batches`, `history`, `iteration`."""
 
@@ -208,7 +213,7 @@ class Built:
         self.run, self.solver = run, run.solver
 
     def _pull(self, t):
-        self.end.value = PULL * LENGTH * (t / (1.25 * STEPS * DT)) ** 2
+        self.end.value = pulled(t / DT)
 
     def iteration(self, steps):
         """Processor time of a Newton iteration in s: that of a step by its iterations, the least of the next steps."""

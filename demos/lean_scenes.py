@@ -25,7 +25,7 @@ from pathlib import Path
 
 import numpy as np
 import studies
-from lean_model import FEATURES, LENGTH, PLANE, PULL, QUICK, STEPS, Built, by_hand
+from lean_model import FEATURES, PLANE, QUICK, STEPS, Built, by_hand, pulled
 
 from fabric_fenicsx import command, continuation, plots, results
 from fabric_fenicsx.errors import StepFailed
@@ -88,7 +88,7 @@ def against_hand(cells, rounds):
         best[0] = min(best[0], built.iteration(STEPS))
         u.x.array[:] = 0.0
         for k in range(1, STEPS + 1):
-            end.value = PULL * LENGTH * (k / (1.25 * STEPS)) ** 2
+            end.value = pulled(k)
             clock = time.process_time()
             problem.solve()
             best[1] = min(best[1], (time.process_time() - clock) / problem.solver.getIterationNumber())

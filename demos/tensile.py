@@ -204,7 +204,7 @@ def plot(path, runs):
             smooth = np.linspace(0.0, strain.max(), 100)
             for curve, label in (
                 (case.fitted(smooth), "fitted curve" + ", Table 7.1" * thesis),
-                (case.trellis(smooth), "Table 7.3, yarns of constant length" if thesis else "yarns of constant length"),
+                (case.trellis(smooth), "Table 7.3, " * thesis + "yarns of constant length"),
             ):
                 if curve is not None:
                     axes.plot(smooth, curve / 1e6, label=label, **plots.FITTED)

@@ -43,10 +43,8 @@ def moving(cloth, bcs=(), gravity=(0, 0, 0), extra=0.0, ledger=False, rtol=1e-11
     rule = {name: options.pop(name) for name in ("rho", "newmark", "damping", "lumped") if name in options}
     moved = motion.Motion(cloth.q, cloth.mass(AREAL_MASS), cloth.shell, **rule)
     damping = extra(moved) if extra else None
-    residual, hooks = (-weight, ()) if cloth.works else (cloth.internal - weight, cloth.hooks)
-    if damping:
-        residual += damping
-    run = dynamics.Newmark(moved, residual, list(bcs), hooks, rtol=rtol, works=cloth.works, **options)
+    loads = weight - damping if damping else weight
+    run = dynamics.Newmark(moved, *cloth._resisting(loads, list(bcs)), works=cloth.works, rtol=rtol, **options)
     if ledger:
         factor = 1.0 if cloth.shell else cloth.thickness
         energy.Ledger(run, weight, cloth.stored, [(hook, factor) for hook in cloth.hooks], damping)

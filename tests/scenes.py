@@ -9,7 +9,6 @@ import ufl
 from dolfinx import fem, mesh
 
 from fabric_fenicsx import assumed_strain, frame, hook, kinematics, meshing, statics, weakform
-from fabric_fenicsx.laws.section import Section
 from fabric_fenicsx.laws.svk import StVenantKirchhoff
 from fabric_fenicsx.stiffness import InternalWork
 
@@ -222,24 +221,9 @@ def drawn(comm, fabric, law, cells=(4, 2), warp=0.0, cell="quadrilateral", rtol=
 
 
 def shell(space, q, thickness, E, nu, warp=(1, 0, 0)):
-    """Internal work of an isotropic elastic shell."""
+    """Works of an isotropic elastic shell, for `StaticSolver`; the sum of their forms is the same in plain UFL."""
     plane, G = StVenantKirchhoff.isotropic(E, nu).stiffness, E / 2 / (1 + nu)
-    section = np.kron(np.diag([thickness, thickness**3 / 12]), plane)
-    test = ufl.TestFunction(space.V)
+    section = fem.Constant(space.mesh, np.kron(np.diag([thickness, thickness**3 / 12]), plane))
     strain, shear = assumed_strain.shell_strains(space, q, warp)
-    stress = weakform.elastic_stress(space.mesh, section, strain)
-    across = ufl.dot(weakform.shear_stiffness(space.mesh, (G, G), thickness), shear)
-    inner = weakform.internal(stress, strain, q, test, 1.0, space.dx)
-    return inner + weakform.internal(across, shear, q, test, 1.0, space.dx_shear)
-
-
-def shell_works(space, q, thickness, E, nu, warp=(1, 0, 0)):
-    """The same in batches of cells, for `StaticSolver`, with no form to compile."""
-    law, G = StVenantKirchhoff.isotropic(E, nu), E / 2 / (1 + nu)
-    strain, across = assumed_strain.shell_strains(space, q, warp)
-    stress = fem.Constant(space.mesh, Section(law, thickness).elastic(law.stiffness))
-    resistance = weakform.shear_stiffness(space.mesh, (G, G), thickness)
-    return [
-        InternalWork(space, q, strain, stress, space.dx),
-        InternalWork(space, q, across, resistance, space.dx_shear),
-    ]
+    across = weakform.shear_stiffness(space.mesh, (G, G), thickness)
+    return [InternalWork(space, q, strain, section, space.dx), InternalWork(space, q, shear, across, space.dx_shear)]

@@ -396,8 +396,9 @@ def test_without_egl_a_picture_is_left_out_and_nothing_crashes(tmp_path, hidden)
         (tmp_path / library).touch()
     name = {"library": "LD_LIBRARY_PATH", "driver": "__EGL_VENDOR_LIBRARY_DIRS"}[hidden]
     answer = apart("view", one_frame(tmp_path), **{name: str(tmp_path)})
-    if hidden == "driver" and answer.returncode == 0:
-        pytest.skip("the EGL of this machine is not libglvnd's, and its driver cannot be hidden")
+    if hidden == "driver" and answer.returncode == 0:  # an EGL that is not libglvnd's finds its driver all the same
+        assert (tmp_path / "view.png").stat().st_size > 10_000
+        return
     assert answer.returncode == 2 and "no EGL that works without a screen" in answer.stderr
     assert answer.stderr.count("\n") == 1 and not (tmp_path / "view.png").exists()
 

@@ -57,7 +57,8 @@ def read(path):
 def look(path):
     """A picture exists and is not blank."""
     if path.name == "deformed.png" and system.can_draw() is not None:
-        pytest.skip(system.can_draw())
+        assert not path.exists(), "left out where nothing can draw it"
+        return
     pixels = image.imread(path)
     assert min(pixels.shape[:2]) > 300
     assert len(np.unique(pixels[::3, ::3, :3] @ [1, 300, 90000])) > 20, f"{path} is blank"

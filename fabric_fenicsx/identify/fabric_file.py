@@ -21,12 +21,12 @@ def toml(found: Identified) -> str:
     missing = [f"the {way} curve" for way in WAYS if way not in found.curves]
     missing += [key for key in ("nu12", "nu21") if key not in found.poisson and key not in tests.assumed]
     if missing:
-        inverse = " Without photographs of the bias test, --shear inverse finds the shear curve from its force."
+        hint = ""
+        if found.bias is not None and "shear" not in found.curves:
+            hint = " Without photographs of the bias test, --shear inverse finds the shear curve from its force."
         raise InputError(
             f"{tests.file}: the records do not tell {', '.join(missing)}, so there is no whole fabric; "
-            "add the tests, or for a Poisson's ratio a value under [assumed]."
-            + inverse
-            * (found.bias is not None and "shear" not in found.curves)
+            f"add the tests, or for a Poisson's ratio a value under [assumed].{hint}"
         )
     lines = [
         f"# Identified by fabric_fenicsx; source of the records: {_quoted(tests.source)}.",
