@@ -26,9 +26,15 @@ from dolfinx import fem, mesh
 from dolfinx.fem import petsc as fempetsc
 from numba.core.runtime import _nrt_python, rtsys
 
-from fabric_fenicsx import command, fabrics, frame, hook, kinematics, results, statics, weakform
+from fabric_fenicsx import fabrics
+from fabric_fenicsx.app import command
 from fabric_fenicsx.laws.printed import Printed
 from fabric_fenicsx.laws.woven import Woven
+from fabric_fenicsx.output import results
+from fabric_fenicsx.shell import kinematics
+from fabric_fenicsx.solvers import statics
+from fabric_fenicsx.surfaces import yarns
+from fabric_fenicsx.terms import hook, weakform
 
 COPY_TARGET, HOOK_TARGET = 2.5, 0.15
 ELEMENTS = {
@@ -198,7 +204,7 @@ def hook_row(element, points, repeats, comm):
     domain = mesh.create_rectangle(comm, [[0, 0], [length, width]], [max(1, round(squares / ny)), ny], cell)
     V = fem.functionspace(domain, ("Lagrange", degree, (2,)))
     u, v = fem.Function(V), ufl.TestFunction(V)
-    strain = kinematics.membrane_strain(u, frame.plane_axes(domain, np.pi / 4))
+    strain = kinematics.membrane_strain(u, yarns.plane_axes(domain, np.pi / 4))
     law = Timed(Woven(fabrics.load("blend")))
     fabric = hook.LawHook(law, strain, domain, degree=rule)
     residual = weakform.internal(fabric.stress, strain, u, v, law.law.fabric.thickness, fabric.dx)

@@ -15,9 +15,13 @@ import numpy as np
 from dolfinx import fem
 from simple_shear import plane
 
-from fabric_fenicsx import command, fabrics, meshing, pictures, plots, results, statics
+from fabric_fenicsx import fabrics, plots
+from fabric_fenicsx.app import command
 from fabric_fenicsx.errors import InputError, StepFailed
 from fabric_fenicsx.laws import driver, named
+from fabric_fenicsx.output import pictures, results
+from fabric_fenicsx.solvers import statics
+from fabric_fenicsx.surfaces import meshing
 
 MESH = Path(__file__).parent.parent / "meshes" / "square.geo"
 SIDE = 0.254  # m

@@ -23,8 +23,10 @@ import moving
 import numpy as np
 import ufl
 
-from fabric_fenicsx import command, results, supports
+from fabric_fenicsx.app import command
 from fabric_fenicsx.errors import InputError
+from fabric_fenicsx.output import results
+from fabric_fenicsx.terms import supports
 
 MESH = Path(__file__).parent.parent / "meshes" / "drape.geo"
 G = 9.81

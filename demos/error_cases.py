@@ -16,8 +16,10 @@ import shell_cases
 import shell_model
 from mpi4py import MPI
 
-from fabric_fenicsx import continuation, fabrics, meshing, specimen, statics
+from fabric_fenicsx import fabrics, specimen
 from fabric_fenicsx.laws import driver, named
+from fabric_fenicsx.solvers import continuation, statics
+from fabric_fenicsx.surfaces import meshing
 
 STRIP = Path(__file__).parent.parent / "meshes" / "strip.geo"
 BLEND = fabrics.load("blend")

@@ -27,8 +27,10 @@ import error_cases
 import numpy as np
 import studies
 
-from fabric_fenicsx import command, plots, results
+from fabric_fenicsx import plots
+from fabric_fenicsx.app import command
 from fabric_fenicsx.errors import InputError, StepFailed
+from fabric_fenicsx.output import results
 
 LEVELS = (0.1, 0.01, 0.001)
 

@@ -15,9 +15,12 @@ import numpy as np
 from dolfinx import fem
 from scipy.special import j0, jn_zeros
 
-from fabric_fenicsx import command, results, sheet, supports
+from fabric_fenicsx import sheet
+from fabric_fenicsx.app import command
 from fabric_fenicsx.errors import InputError
 from fabric_fenicsx.laws.svk import StVenantKirchhoff
+from fabric_fenicsx.output import results
+from fabric_fenicsx.terms import supports
 
 MESH = Path(__file__).parent.parent / "meshes" / "strip.geo"
 LENGTH, WIDTH, THICKNESS, DENSITY, G = 0.5, 0.05, 0.1e-3, 500.0, 9.81

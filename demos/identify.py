@@ -12,9 +12,11 @@ from pathlib import Path
 import numpy as np
 from mpi4py import MPI
 
-from fabric_fenicsx import command, fabrics, results
+from fabric_fenicsx import fabrics
+from fabric_fenicsx.app import command
 from fabric_fenicsx.errors import InputError
 from fabric_fenicsx.identify import making, synthetic
+from fabric_fenicsx.output import results
 
 STRIP = Path(__file__).parent.parent / "meshes" / "strip.geo"
 ACCEPTED = {"warp_curve": 3.0, "weft_curve": 3.0, "shear_curve": 5.0, "nu12": 5.0, "nu21": 5.0}

@@ -21,10 +21,12 @@ import numpy as np
 import tensile
 from tensile import Case, run, strip
 
-from fabric_fenicsx import command, fabrics, plots, results
-from fabric_fenicsx.hook import History
+from fabric_fenicsx import fabrics, plots
+from fabric_fenicsx.app import command
 from fabric_fenicsx.laws import named
 from fabric_fenicsx.laws.stability import acoustic
+from fabric_fenicsx.output import results
+from fabric_fenicsx.terms.hook import History
 
 STEPS = [10, 20, 40, 80, 160]
 

@@ -10,25 +10,15 @@ from dolfinx import fem, mesh
 from dolfinx.fem.petsc import NonlinearProblem
 from ufl.form import Form
 
-from fabric_fenicsx import (
-    directors,
-    dynamics,
-    energy,
-    fabrics,
-    frame,
-    hook,
-    kinematics,
-    meshing,
-    motion,
-    sheet,
-    statics,
-    supports,
-    weakform,
-)
+from fabric_fenicsx import fabrics, sheet
 from fabric_fenicsx.laws.section import Section
 from fabric_fenicsx.laws.svk import StVenantKirchhoff
 from fabric_fenicsx.laws.woven import Woven
-from fabric_fenicsx.stiffness import InternalWork
+from fabric_fenicsx.shell import directors, kinematics
+from fabric_fenicsx.solvers import energy, motion, newmark, statics
+from fabric_fenicsx.surfaces import meshing, yarns
+from fabric_fenicsx.terms import hook, supports, weakform
+from fabric_fenicsx.terms.work import InternalWork
 
 MESHES = Path(__file__).parent.parent / "meshes"
 FABRIC = fabrics.load("blend")
@@ -105,7 +95,7 @@ def plane(scene, cells, comm):
     domain = meshing.read(MESHES / "strip.geo", comm, gdim=2, nx=cells[0], ny=cells[1], length=LENGTH, width=WIDTH)
     V = fem.functionspace(domain.mesh, ("Lagrange", 1, (2,)))
     u, v = fem.Function(V), ufl.TestFunction(V)
-    strain, law, hooks = kinematics.membrane_strain(u, frame.plane_axes(domain.mesh, 0.0)), law_of(scene), []
+    strain, law, hooks = kinematics.membrane_strain(u, yarns.plane_axes(domain.mesh, 0.0)), law_of(scene), []
     if scene.law == "linear":
         stress, dx = (
             weakform.elastic_stress(domain.mesh, law.stiffness, strain),
@@ -120,7 +110,7 @@ def plane(scene, cells, comm):
 
 def thick(cloth):
     """Works of a sheet whose strain has the part that goes with the square of the height, too."""
-    axes = frame.surface_axes(cloth.domain.mesh, (1, 0, 0), directors.DEGREE)
+    axes = yarns.surface_axes(cloth.domain.mesh, (1, 0, 0), directors.DEGREE)
     more = kinematics.quadratic_strain(cloth.director, cloth.shell.normal, axes)
     strain = ufl.as_vector([*(cloth.strain[i] for i in range(6)), *(more[i] for i in range(3))])
     through = Section(cloth.law, H, len(cloth.hooks[0].law.heights), quadratic=True)
@@ -207,7 +197,7 @@ class Built:
                 scene.stiff_damping, C, cloth.strain, cloth.q, moved.velocity, cloth.v, cloth.dx
             )
             residual = residual + damping
-        run = dynamics.Newmark(moved, residual, bcs, (), self._pull, works=cloth.works)
+        run = newmark.Newmark(moved, residual, bcs, (), self._pull, works=cloth.works)
         if scene.ledger:
             energy.Ledger(run, external, cloth.stored, (), damping)
         self.run, self.solver = run, run.solver

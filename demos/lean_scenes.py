@@ -1,7 +1,7 @@
 """What a feature costs, and that it costs nothing where it is not used.
 
 One table, a row a feature, of small scenes with and without it: unknowns, kernels compiled (integrals of forms and
-expressions), batches of cells (`stiffness.InternalWork`), processor time of compiling them into an empty cache, bytes
+expressions), batches of cells (`work.InternalWork`), processor time of compiling them into an empty cache, bytes
 of history (of laws and of motion, committed and trial), and processor time of a Newton iteration (residual, stiffness,
 factorisation, solution; the fastest of several, for which the scenes take turns), to which the energy ledger adds what
 it does once a step.
@@ -27,8 +27,11 @@ import numpy as np
 import studies
 from lean_model import FEATURES, PLANE, QUICK, STEPS, Built, by_hand, pulled
 
-from fabric_fenicsx import command, continuation, plots, results
+from fabric_fenicsx import plots
+from fabric_fenicsx.app import command
 from fabric_fenicsx.errors import StepFailed
+from fabric_fenicsx.output import results
+from fabric_fenicsx.solvers import continuation
 
 ALLOWED, START = 1.1, 4.0  # of the time by hand; s
 TURNS = 4

@@ -17,10 +17,12 @@ import closed_loops
 import numpy as np
 from mpi4py import MPI
 
-from fabric_fenicsx import command, fabrics, plots, results
+from fabric_fenicsx import fabrics, plots
+from fabric_fenicsx.app import command
 from fabric_fenicsx.laws import driver
 from fabric_fenicsx.laws.printed import Printed
 from fabric_fenicsx.laws.woven import RAMP, Woven
+from fabric_fenicsx.output import results
 
 
 def cycle(limit, steps):

@@ -10,23 +10,17 @@ from pathlib import Path
 
 import numpy as np
 
-from fabric_fenicsx import (
-    checkpoint,
-    command,
-    directors,
-    fabrics,
-    linear,
-    meshing,
-    pictures,
-    plots,
-    results,
-    sheet,
-    supports,
-)
+from fabric_fenicsx import fabrics, plots, sheet
+from fabric_fenicsx.app import command
 from fabric_fenicsx.errors import InputError
-from fabric_fenicsx.frames import LABELS, Frames, Series, coloured
 from fabric_fenicsx.laws import named
 from fabric_fenicsx.laws.svk import StVenantKirchhoff
+from fabric_fenicsx.output import pictures, results
+from fabric_fenicsx.output.frames import LABELS, Frames, Series, coloured
+from fabric_fenicsx.shell import directors
+from fabric_fenicsx.solvers import checkpoint, linear
+from fabric_fenicsx.surfaces import meshing
+from fabric_fenicsx.terms import supports
 
 SIDE = 2.0  # m
 SOLVERS = {"direct": linear.DIRECT, "lagged": linear.LAGGED, "iterative": linear.IN_MOTION}

@@ -16,8 +16,12 @@ from pathlib import Path
 
 import numpy as np
 
-from fabric_fenicsx import command, fabrics, meshing, pictures, results, specimen, statics
+from fabric_fenicsx import fabrics, specimen
+from fabric_fenicsx.app import command
 from fabric_fenicsx.laws.woven import Woven
+from fabric_fenicsx.output import pictures, results
+from fabric_fenicsx.solvers import statics
+from fabric_fenicsx.surfaces import meshing
 
 STRIP = Path(__file__).parent.parent / "meshes" / "strip.geo"
 

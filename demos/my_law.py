@@ -19,8 +19,13 @@ from pathlib import Path
 
 import numpy as np
 
-from fabric_fenicsx import command, meshing, pictures, results, sheet, statics, supports
+from fabric_fenicsx import sheet
+from fabric_fenicsx.app import command
 from fabric_fenicsx.laws import driver
+from fabric_fenicsx.output import pictures, results
+from fabric_fenicsx.solvers import statics
+from fabric_fenicsx.surfaces import meshing
+from fabric_fenicsx.terms import supports
 
 STRIP = Path(__file__).parent.parent / "meshes" / "strip.geo"
 LENGTH, WIDTH, THICKNESS = 0.1, 0.03, 0.5e-3  # m

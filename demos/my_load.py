@@ -19,8 +19,14 @@ from mpi4py import MPI
 from dolfinx import fem
 from scipy.optimize import brentq
 
-from fabric_fenicsx import command, kinematics, meshing, pictures, results, sheet, statics, supports
+from fabric_fenicsx import sheet
+from fabric_fenicsx.app import command
 from fabric_fenicsx.laws.svk import StVenantKirchhoff
+from fabric_fenicsx.output import pictures, results
+from fabric_fenicsx.shell import kinematics
+from fabric_fenicsx.solvers import statics
+from fabric_fenicsx.surfaces import meshing
+from fabric_fenicsx.terms import supports
 
 STRIP = Path(__file__).parent.parent / "meshes" / "strip.geo"
 LENGTH, WIDTH, THICKNESS, TAUT = 1.0, 0.1, 0.3e-3, 0.01  # m; TAUT: how far the edges are pulled apart

@@ -21,9 +21,14 @@ import numpy as np
 from dolfinx import fem
 from scipy.optimize import brentq
 
-from fabric_fenicsx import command, fabrics, meshing, pictures, results, sheet, statics, supports, weakform
+from fabric_fenicsx import fabrics, sheet
+from fabric_fenicsx.app import command
 from fabric_fenicsx.laws.svk import StVenantKirchhoff
 from fabric_fenicsx.laws.woven import Woven
+from fabric_fenicsx.output import pictures, results
+from fabric_fenicsx.solvers import statics
+from fabric_fenicsx.surfaces import meshing
+from fabric_fenicsx.terms import supports, weakform
 
 BAG = Path(__file__).parent.parent / "meshes" / "bag.obj"
 RADIUS, LENGTH, PRESSURE = 0.06, 0.3, 40e3  # m, Pa

@@ -16,8 +16,13 @@ from pathlib import Path
 import numpy as np
 from dolfinx import fem
 
-from fabric_fenicsx import command, meshing, pictures, results, sheet, statics, supports, weakform
+from fabric_fenicsx import sheet
+from fabric_fenicsx.app import command
 from fabric_fenicsx.laws.svk import StVenantKirchhoff
+from fabric_fenicsx.output import pictures, results
+from fabric_fenicsx.solvers import statics
+from fabric_fenicsx.surfaces import meshing
+from fabric_fenicsx.terms import supports, weakform
 
 STRIP = Path(__file__).parent.parent / "meshes" / "strip.geo"
 LENGTH, WIDTH, THICKNESS = 0.4, 0.05, 1e-3  # m

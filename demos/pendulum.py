@@ -19,9 +19,12 @@ import numpy as np
 from dolfinx import fem
 from scipy.special import ellipk
 
-from fabric_fenicsx import command, results, sheet, supports
+from fabric_fenicsx import sheet
+from fabric_fenicsx.app import command
 from fabric_fenicsx.errors import InputError
 from fabric_fenicsx.laws.svk import StVenantKirchhoff
+from fabric_fenicsx.output import results
+from fabric_fenicsx.terms import supports
 
 MESH = Path(__file__).parent.parent / "meshes" / "square.geo"
 SIDE, THICKNESS, DENSITY, G = 0.5, 0.02, 1000.0, 9.81

@@ -18,8 +18,11 @@ from pathlib import Path
 import moving
 import numpy as np
 
-from fabric_fenicsx import command, fabrics, plots, results, supports
+from fabric_fenicsx import fabrics, plots
+from fabric_fenicsx.app import command
 from fabric_fenicsx.errors import InputError
+from fabric_fenicsx.output import results
+from fabric_fenicsx.terms import supports
 
 MESH = Path(__file__).parent.parent / "meshes" / "drape.geo"
 HEIGHT, TIME = 0.40, 0.5  # m, s

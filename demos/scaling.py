@@ -31,9 +31,15 @@ import numpy as np
 import studies
 from dolfinx import fem
 
-from fabric_fenicsx import command, directors, linear, meshing, plots, results, sheet, supports
+from fabric_fenicsx import plots, sheet
+from fabric_fenicsx.app import command
 from fabric_fenicsx.errors import InputError, StepFailed
 from fabric_fenicsx.laws.svk import StVenantKirchhoff
+from fabric_fenicsx.output import results
+from fabric_fenicsx.shell import directors
+from fabric_fenicsx.solvers import linear
+from fabric_fenicsx.surfaces import meshing
+from fabric_fenicsx.terms import supports
 
 SQUARE = Path(__file__).parent.parent / "meshes" / "square.geo"
 DRAPE = Path(__file__).with_name("drape.py")

@@ -18,7 +18,10 @@ import shell_cases
 import shell_model
 import shell_studies
 
-from fabric_fenicsx import command, directors, plots, results
+from fabric_fenicsx import plots
+from fabric_fenicsx.app import command
+from fabric_fenicsx.output import results
+from fabric_fenicsx.shell import directors
 
 
 def plot(path, case, table):

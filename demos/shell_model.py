@@ -11,9 +11,14 @@ import numpy as np
 import ufl
 from dolfinx import fem
 
-from fabric_fenicsx import continuation, directors, meshing, pictures, results, sheet, statics, supports, weakform
+from fabric_fenicsx import sheet
 from fabric_fenicsx.errors import InputError, StepFailed
 from fabric_fenicsx.laws.svk import StVenantKirchhoff
+from fabric_fenicsx.output import pictures, results
+from fabric_fenicsx.shell import directors
+from fabric_fenicsx.solvers import continuation, statics
+from fabric_fenicsx.surfaces import meshing
+from fabric_fenicsx.terms import supports, weakform
 
 MESHES = Path(__file__).parent.parent / "meshes"
 

@@ -11,22 +11,16 @@ from mpi4py import MPI
 from dolfinx import fem
 from studies import show, write
 
-from fabric_fenicsx import (
-    assumed_strain,
-    command,
-    directors,
-    fabrics,
-    hook,
-    meshing,
-    plots,
-    statics,
-    supports,
-    weakform,
-)
+from fabric_fenicsx import fabrics, plots
+from fabric_fenicsx.app import command
 from fabric_fenicsx.laws.section import Section
 from fabric_fenicsx.laws.svk import StVenantKirchhoff
 from fabric_fenicsx.laws.woven import Woven
-from fabric_fenicsx.stiffness import InternalWork
+from fabric_fenicsx.shell import assumed_strain, directors
+from fabric_fenicsx.solvers import statics
+from fabric_fenicsx.surfaces import meshing
+from fabric_fenicsx.terms import hook, supports, weakform
+from fabric_fenicsx.terms.work import InternalWork
 
 SLENDER = (1e-2, 1e-3, 1e-4, 1e-5, 1e-6)
 """Thickness to length; the last is tried, and not asked for."""

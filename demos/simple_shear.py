@@ -19,21 +19,15 @@ import numpy as np
 import ufl
 from dolfinx import fem
 
-from fabric_fenicsx import (
-    command,
-    fabrics,
-    frame,
-    hook,
-    kinematics,
-    meshing,
-    pictures,
-    plots,
-    results,
-    statics,
-    weakform,
-)
+from fabric_fenicsx import fabrics, plots
+from fabric_fenicsx.app import command
 from fabric_fenicsx.errors import InputError, StepFailed
 from fabric_fenicsx.laws import driver, named
+from fabric_fenicsx.output import pictures, results
+from fabric_fenicsx.shell import kinematics
+from fabric_fenicsx.solvers import statics
+from fabric_fenicsx.surfaces import meshing, yarns
+from fabric_fenicsx.terms import hook, weakform
 
 MESH = Path(__file__).parent.parent / "meshes" / "square.geo"
 SIDE = 0.0254  # m
@@ -53,10 +47,10 @@ def plane(mesh, law, thickness):
     """A sheet in the plane, warp along x: displacement, the law's hook, residual, and its yarns to be drawn."""
     V = fem.functionspace(mesh, ("Lagrange", 1, (2,)))
     u, v = fem.Function(V), ufl.TestFunction(V)
-    axes = frame.plane_axes(mesh, 0.0)
+    axes = yarns.plane_axes(mesh, 0.0)
     strain = kinematics.membrane_strain(u, axes)
     sheet = hook.LawHook(law, strain, mesh, degree=2)
-    return u, sheet, weakform.internal(sheet.stress, strain, u, v, thickness, sheet.dx), frame.Yarns(mesh, u, axes)
+    return u, sheet, weakform.internal(sheet.stress, strain, u, v, thickness, sheet.dx), yarns.Yarns(mesh, u, axes)
 
 
 def run(fabric, law, cycle="sign", steps=20, amplitude=0.4, out=None, mesh=MESH, comm=MPI.COMM_WORLD):

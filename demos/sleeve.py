@@ -17,9 +17,14 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from fabric_fenicsx import checkpoint, command, fabrics, meshing, pictures, results, sheet, supports
+from fabric_fenicsx import fabrics, sheet
+from fabric_fenicsx.app import command
 from fabric_fenicsx.errors import InputError
 from fabric_fenicsx.laws.woven import Woven
+from fabric_fenicsx.output import pictures, results
+from fabric_fenicsx.solvers import checkpoint
+from fabric_fenicsx.surfaces import meshing
+from fabric_fenicsx.terms import supports
 
 MESH = Path(__file__).parent.parent / "meshes" / "sleeve.geo"
 RADIUS, LENGTH = 0.05, 0.3  # m

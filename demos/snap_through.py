@@ -19,10 +19,16 @@ import numpy as np
 from dolfinx import fem
 from scipy.interpolate import CubicSpline
 
-from fabric_fenicsx import command, continuation, directors, meshing, pictures, plots, results, sheet, statics, supports
-from fabric_fenicsx import weakform as wf
+from fabric_fenicsx import plots, sheet
+from fabric_fenicsx.app import command
 from fabric_fenicsx.errors import StepFailed
 from fabric_fenicsx.laws.svk import StVenantKirchhoff
+from fabric_fenicsx.output import pictures, results
+from fabric_fenicsx.shell import directors
+from fabric_fenicsx.solvers import continuation, statics
+from fabric_fenicsx.surfaces import meshing
+from fabric_fenicsx.terms import supports
+from fabric_fenicsx.terms import weakform as wf
 
 HERE = Path(__file__).parent
 RADIUS, LENGTH, ANGLE = 2.54, 0.254, 0.1  # m, half length in m, half angle in radians

@@ -21,7 +21,9 @@ import stability_more
 import stability_trials
 import studies
 
-from fabric_fenicsx import command, plots, results
+from fabric_fenicsx import plots
+from fabric_fenicsx.app import command
+from fabric_fenicsx.output import results
 
 COLOURS = {"works": "#a6dcc6", "refused": "#56b4e9", "stopped": "#e69f00", "inaccurate": "#cc79a7", "FAULT": "#1a1a1a"}
 

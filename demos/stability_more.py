@@ -8,11 +8,14 @@ import ufl
 from dolfinx import fem
 from stability_trials import ANY, BLEND, COMM, MESHES, REFUSED, WORKS, G, NotRestored, Trial, scaled
 
-from fabric_fenicsx import energy, explicit, meshing, motion, sheet, statics, supports, weakform
+from fabric_fenicsx import sheet
 from fabric_fenicsx.errors import StepFailed
 from fabric_fenicsx.laws import driver
 from fabric_fenicsx.laws.svk import StVenantKirchhoff
 from fabric_fenicsx.laws.woven import Woven
+from fabric_fenicsx.solvers import energy, explicit, motion, statics
+from fabric_fenicsx.surfaces import meshing
+from fabric_fenicsx.terms import supports, weakform
 
 
 def falling(law=None):

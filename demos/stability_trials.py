@@ -15,11 +15,14 @@ import shell_cases
 import shell_model
 from mpi4py import MPI
 
-from fabric_fenicsx import fabrics, meshing, sheet, specimen, statics, supports
+from fabric_fenicsx import fabrics, sheet, specimen
 from fabric_fenicsx.errors import InputError, StepFailed
 from fabric_fenicsx.laws import driver
 from fabric_fenicsx.laws.printed import Printed
 from fabric_fenicsx.laws.woven import Woven
+from fabric_fenicsx.solvers import statics
+from fabric_fenicsx.surfaces import meshing
+from fabric_fenicsx.terms import supports
 
 MESHES = Path(__file__).parent.parent / "meshes"
 COMM = MPI.COMM_SELF

@@ -17,7 +17,8 @@ import ufl
 from mpi4py import MPI
 from petsc4py import PETSc
 
-from fabric_fenicsx import command, system
+from fabric_fenicsx import system
+from fabric_fenicsx.app import command
 from fabric_fenicsx.errors import InputError
 
 WIDTHS = {"case": 16, "worst": 13, "computed": 12, "reference": 12}

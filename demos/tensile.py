@@ -16,9 +16,13 @@ import ufl
 from mpi4py import MPI
 from dolfinx import fem
 
-from fabric_fenicsx import command, fabrics, frame, meshing, pictures, plots, results, specimen, statics
+from fabric_fenicsx import fabrics, plots, specimen
+from fabric_fenicsx.app import command
 from fabric_fenicsx.errors import InputError, StepFailed
 from fabric_fenicsx.laws import named
+from fabric_fenicsx.output import pictures, results
+from fabric_fenicsx.solvers import statics
+from fabric_fenicsx.surfaces import meshing, yarns
 
 STRIP = Path(__file__).parent.parent / "meshes" / "strip.geo"
 THESIS = {"cells": (9, 3), "degree": 1}
@@ -100,11 +104,11 @@ def picture(path, case, u, hook, title, **more):
     """Draw a strip, coloured by its strain along the load; more: of `pictures.picture`."""
     mesh, angle = u.function_space.mesh, np.radians(case.angle)
     if case.kinematics == "plane":
-        axes = frame.plane_axes(mesh, angle)
+        axes = yarns.plane_axes(mesh, angle)
     else:
-        axes = frame.surface_axes(mesh, (np.cos(angle), np.sin(angle), 0.0), 1)
+        axes = yarns.surface_axes(mesh, (np.cos(angle), np.sin(angle), 0.0), 1)
     strain = axial_strain(case, hook)
-    pictures.picture(path, u, strain, "axial strain (-)", title, yarns=frame.Yarns(mesh, u, axes)(), **more)
+    pictures.picture(path, u, strain, "axial strain (-)", title, yarns=yarns.Yarns(mesh, u, axes)(), **more)
 
 
 def gentle(case, comm):

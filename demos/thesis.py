@@ -15,7 +15,9 @@ from pathlib import Path
 
 from chapter7 import cases, left_open, page, parameters, sections, shearing, sheets, strips
 
-from fabric_fenicsx import __version__, command, results
+from fabric_fenicsx import __version__
+from fabric_fenicsx.app import command
+from fabric_fenicsx.output import results
 
 ROOMS = (parameters, strips, shearing, sheets, left_open)
 FIGURES = [f"7-{number}" for number in range(1, 38)]

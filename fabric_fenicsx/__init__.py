@@ -13,28 +13,32 @@ Rooms, in the order in which a scene goes through them, and their names; each ro
 - `laws.woven`: `Woven`, the one to use; `laws.printed`: `Printed`; `laws.svk`: `StVenantKirchhoff`
 - `laws.section`: a law through the thickness: `Section`
 - `laws.driver`: a law without a mesh: `check`, `run`, `uniaxial`; `laws.stability`: `acoustic`
-- `meshing`: a surface whose parts are found by name: `read`, `from_gmsh`, `Domain`
-- `frame`: warp and weft: `plane_axes`, `surface_axes`, `patches`, `Yarns`
-- `kinematics`: strains of a plane or curved sheet: `membrane_strain`, `quadratic_strain`, `area_vector`
-- `directors`: that turn: `ShellSpace`, `ELEMENTS`; `assumed_strain`: strains that do not lock: `shell_strains`
+- `surfaces.meshing`: a surface whose parts are found by name: `read`, `from_gmsh`, `Domain`
+- `surfaces.yarns`: warp and weft: `plane_axes`, `surface_axes`, `patches`, `Yarns`
+- `shell.kinematics`: strains of a plane or curved sheet: `membrane_strain`, `quadratic_strain`, `area_vector`
+- `shell.directors`: that turn: `ShellSpace`, `ELEMENTS`
+- `shell.assumed_strain`: strains that do not lock: `shell_strains`
 - `sheet`: all of that put together, ready to be held and loaded, and its solvers: `Sheet`
 - `specimen`: the strip of a tensile test: `strip`
-- `supports`: how it is held: `hinge`, `clamp`, `hold`, `lead`, `grip`, `symmetry`; `over`, `unknowns`, `mean`
-- `weakform`: terms of a weak form: `internal`, `gravity`, `pressure`, `traction`, `point_force` and others
-- `hook`: a law as an operand of UFL forms: `LawHook`; `stiffness`: a shell's work without a form: `InternalWork`
-- `statics`: equilibrium: `StaticSolver`, `march`; `continuation`: `arc_length`
-- `linear`: how their linear systems are solved: `DIRECT`, `LAGGED`, `ITERATIVE`, `IN_MOTION`
-- `dynamics`: implicit motion: `Newmark`; `explicit`: `CentralDifference`; `motion`: their masses: `Motion`
-- `energy`: where the work goes: `Ledger`; `checkpoint`: `save`, `load`, `guard`
-- `results`: histories and fields: `folder`, `Table`, `Fields`, `Average`
-- `pictures`: a sheet: `picture`; `frames`: one for each step, and films: `Frames`, `Series`
+- `terms.supports`: how it is held: `hinge`, `clamp`, `hold`, `lead`, `grip`, `symmetry`; `over`, `unknowns`, `mean`
+- `terms.weakform`: terms of a weak form: `internal`, `gravity`, `pressure`, `traction`, `point_force` and others
+- `terms.hook`: a law as an operand of UFL forms: `LawHook`
+- `terms.work`: a shell's work without a form: `InternalWork`
+- `solvers.statics`: equilibrium: `StaticSolver`, `march`; `solvers.continuation`: `arc_length`
+- `solvers.linear`: how their linear systems are solved: `DIRECT`, `LAGGED`, `ITERATIVE`, `IN_MOTION`
+- `solvers.newmark`: implicit motion: `Newmark`; `solvers.explicit`: `CentralDifference`
+- `solvers.motion`: their masses: `Motion`
+- `solvers.energy`: where the work goes: `Ledger`; `solvers.checkpoint`: `save`, `load`, `guard`
+- `output.results`: histories and fields: `folder`, `Table`, `Fields`, `Average`
+- `output.pictures`: a sheet: `picture`; `output.frames`: one for each step, and films: `Frames`, `Series`
 - `plots`: curves of one look: `panels`, `label`, `legend`, `style`, `series`
-- `scenes`: a scene as data: `read`, `build`, `run`; `cli`: the command `fabric-fenicsx`
-- `command`: what every script does at its command line: `parse`, `say`, `run`; `system`: `can_draw`, `mpirun`
+- `scenes`: a scene as data: `read`, `build`, `run`; `app.cli`: the command `fabric-fenicsx`
+- `app.command`: what every script does at its command line: `parse`, `say`, `run`; `system`: `can_draw`, `mpirun`
 - `errors`: `InputError`, `StepFailed`
 
-The other rooms serve these: `surface` and `importing` a mesh, `rotation` the directors, `batches` the stiffness,
-`stepper`, `moving_solver` and `stable_step` the motions, `entries` the TOML files, `doctor` the command.
+The other rooms serve these: `surfaces.checking` and `surfaces.importing` a mesh, `shell.rotation` the directors,
+`terms.kernels` the stiffness, `solvers.stepper`, `solvers.step` and `solvers.stable_step` the motions, `entries` the
+TOML files, `app.doctor` the command.
 
 The five demos `my_fabric`, `my_mesh`, `my_load`, `my_law` and `my_term` are short, each ends in an exact check, and are
 meant to be copied and changed.
@@ -50,13 +54,15 @@ meant to be copied and changed.
   thesis measured no bending. The thickness of the law is therefore not an independent bending stiffness.
 - **Energy.** The measured law has no potential and its tangent is not symmetric: round a closed loop of strains in two
   directions it can make energy, much of it where Poisson's ratios are large (duck, muslin). The balance of energies
-  closes all the same; `energy.Ledger.made` tells what was made. Lowered ratios lessen it. `coupling="reciprocal"` of
-  `laws.woven.Woven` lessens it on loops at a point (`demos/material_point.py`), but not in every scene.
+  closes all the same; `solvers.energy.Ledger.made` tells what was made. Lowered ratios lessen it.
+  `coupling="reciprocal"` of `laws.woven.Woven` lessens it on loops at a point (`demos/material_point.py`), but not in
+  every scene.
 - **Slack cloth** has many wrinkled states. Which one is found depends on mesh, steps and round-off; statics may find
   none; a motion goes through them.
 - **Transverse shear** of cloth is not measured; the sheet takes the first shear modulus of its plane for it.
 - **One material a sheet**, though the warp may differ from patch to patch, and a surface without branches (T-joints).
-- **Size.** A direct solver takes 7.1 GB for 340 x 340 cells; others (`linear`) suit motion and sheets in tension.
+- **Size.** A direct solver takes 7.1 GB for 340 x 340 cells; others (`solvers.linear`) suit motion and sheets
+  in tension.
 """
 
 import sys

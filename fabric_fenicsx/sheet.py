@@ -10,16 +10,19 @@ from dolfinx import fem
 from ufl.core.expr import Expr
 from ufl.form import Form
 
-from . import assumed_strain, directors, frame, kinematics, motion, weakform
-from .dynamics import Newmark
-from .energy import Ledger
 from .errors import InputError
-from .explicit import CentralDifference
-from .hook import LawHook
 from .laws import Law, section
-from .meshing import Domain
-from .statics import StaticSolver
-from .stiffness import InternalWork
+from .shell import assumed_strain, directors, kinematics
+from .solvers import motion
+from .solvers.energy import Ledger
+from .solvers.explicit import CentralDifference
+from .solvers.newmark import Newmark
+from .solvers.statics import StaticSolver
+from .surfaces import yarns
+from .surfaces.meshing import Domain
+from .terms import weakform
+from .terms.hook import LawHook
+from .terms.work import InternalWork
 
 ROTARY = {"thickness": 0.0, "cell": 3.0, "none": None}
 """Inertia of directors -> its `reach` in `weakform.rotary_inertia`.
@@ -38,7 +41,7 @@ class Sheet:
         solver = cloth.equilibrium(supports.clamp(cloth.domain, cloth.space, "rim"), load)
 
     thickness in m; law: see `laws.Law`; one that is linear and symmetric (it has `stiffness`) needs no hook.
-    shear: transverse shear moduli (G13, G23) in Pa, of a shell. warp: see `frame.surface_axes`.
+    shear: transverse shear moduli (G13, G23) in Pa, of a shell. warp: see `yarns.surface_axes`.
     kinematics: "shell" or "membrane"; element: of a shell, see `directors.ELEMENTS`; layers: see `laws.section`.
     reach: see `weakform.shear_stiffness`.
 
@@ -71,7 +74,7 @@ class Sheet:
         self.shell: directors.ShellSpace | None = None
         self._strain: fem.Expression | None = None
         self._warp = warp
-        self._yarns: frame.Yarns | None = None
+        self._yarns: yarns.Yarns | None = None
         self._shown: tuple[fem.Function, np.ndarray] | None = None
         if kinematics == "membrane":
             self._build_membrane(warp, element)
@@ -121,7 +124,7 @@ class Sheet:
         self.q, self.test = fem.Function(self.space), ufl.TestFunction(self.space)
         self.u, self.v = self.q, self.test
         self.dx = ufl.Measure("dx", mesh, metadata={"quadrature_degree": 2, "quadrature_scheme": "default"})
-        self.strain = kinematics.membrane_strain(self.u, frame.surface_axes(mesh, warp, 2))
+        self.strain = kinematics.membrane_strain(self.u, yarns.surface_axes(mesh, warp, 2))
         h = fem.Constant(mesh, self.thickness)
         linear = getattr(self.law, "stiffness", None)
         if linear is None:
@@ -196,7 +199,7 @@ class Sheet:
         """This sheet in implicit motion, and the account of its energies.
 
         areal_mass in kg/m2; loads as for `equilibrium`; rho, damping, lumped: see `motion.Motion`; rotary: see `mass`;
-        settings: of `dynamics.Newmark`, such as set_load.
+        settings: of `newmark.Newmark`, such as set_load.
         """
         moved = motion.Motion(self.q, self.mass(areal_mass, rotary), self.shell, rho, None, damping, lumped)
         return self._in_motion(Newmark, moved, bcs, loads, settings)
@@ -245,7 +248,7 @@ class Sheet:
         """Warp and weft of each local cell as they are now, shape (cells, 2, 3): unit vectors, moved and stretched."""
         if self._yarns is None:
             mesh = self.domain.mesh
-            self._yarns = frame.Yarns(mesh, self.u, frame.surface_axes(mesh, self._warp, 1))
+            self._yarns = yarns.Yarns(mesh, self.u, yarns.surface_axes(mesh, self._warp, 1))
         return self._yarns()
 
     def _everywhere(self) -> np.ndarray:

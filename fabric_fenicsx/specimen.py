@@ -8,10 +8,14 @@ import ufl
 from dolfinx import fem
 from ufl.form import Form
 
-from . import frame, hook, kinematics, sheet, statics, supports, weakform
+from . import sheet
 from .fabrics import Fabric
 from .laws import Law
-from .meshing import Domain
+from .shell import kinematics
+from .solvers import statics
+from .surfaces import yarns
+from .surfaces.meshing import Domain
+from .terms import hook, supports, weakform
 
 FOUNDATION = 1.0  # N/m3
 
@@ -65,7 +69,7 @@ def strip(
     else:
         flat = fem.functionspace(mesh, ("Lagrange", degree, (mesh.geometry.dim,)))
         u, v = fem.Function(flat), ufl.TestFunction(flat)
-        axes = frame.plane_axes(mesh, angle) if plane else frame.surface_axes(mesh, warp, 2 * degree)
+        axes = yarns.plane_axes(mesh, angle) if plane else yarns.surface_axes(mesh, warp, 2 * degree)
         strain = kinematics.membrane_strain(u, axes)
         cloth = hook.LawHook(law, strain, mesh, degree=2 * degree)
         residual = weakform.internal(cloth.stress, strain, u, v, fem.Constant(mesh, h), cloth.dx)

@@ -5,8 +5,10 @@ from pathlib import Path
 import numpy as np
 from dolfinx import fem
 
-from fabric_fenicsx import dynamics, energy, meshing, motion, sheet
+from fabric_fenicsx import sheet
 from fabric_fenicsx.laws.svk import StVenantKirchhoff
+from fabric_fenicsx.solvers import energy, motion, newmark
+from fabric_fenicsx.surfaces import meshing
 
 SQUARE = Path(__file__).parent.parent / "meshes" / "square.geo"
 SIDE, THICKNESS, AREAL_MASS = 0.3, 0.02, 8.0
@@ -34,7 +36,7 @@ def spin(field, omega, centre=(0, 0, 0), drift=(0, 0, 0)):
 
 
 def moving(cloth, bcs=(), gravity=(0, 0, 0), extra=0.0, ledger=False, rtol=1e-11, **options):
-    """A `dynamics.Newmark` of a sheet that has a weight; options are those of `Motion` and `Newmark`.
+    """A `newmark.Newmark` of a sheet that has a weight; options are those of `Motion` and `Newmark`.
 
     extra: more terms of the residual, a function of the motion.
     """
@@ -44,7 +46,7 @@ def moving(cloth, bcs=(), gravity=(0, 0, 0), extra=0.0, ledger=False, rtol=1e-11
     moved = motion.Motion(cloth.q, cloth.mass(AREAL_MASS), cloth.shell, **rule)
     damping = extra(moved) if extra else None
     loads = weight - damping if damping else weight
-    run = dynamics.Newmark(moved, *cloth._resisting(loads, list(bcs)), works=cloth.works, rtol=rtol, **options)
+    run = newmark.Newmark(moved, *cloth._resisting(loads, list(bcs)), works=cloth.works, rtol=rtol, **options)
     if ledger:
         factor = 1.0 if cloth.shell else cloth.thickness
         energy.Ledger(run, weight, cloth.stored, [(hook, factor) for hook in cloth.hooks], damping)

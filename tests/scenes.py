@@ -8,9 +8,12 @@ import numpy as np
 import ufl
 from dolfinx import fem, mesh
 
-from fabric_fenicsx import assumed_strain, frame, hook, kinematics, meshing, statics, weakform
 from fabric_fenicsx.laws.svk import StVenantKirchhoff
-from fabric_fenicsx.stiffness import InternalWork
+from fabric_fenicsx.shell import assumed_strain, kinematics
+from fabric_fenicsx.solvers import statics
+from fabric_fenicsx.surfaces import meshing, yarns
+from fabric_fenicsx.terms import hook, weakform
+from fabric_fenicsx.terms.work import InternalWork
 
 MESHES = Path(__file__).parent.parent / "meshes"
 THICKNESS = 0.5e-3
@@ -59,7 +62,7 @@ def rim(domain, law, gradient, warp=0.0, degree=1, turn=0.0, rtol=1e-10, **optio
     """The Scene, F = turn (1 + load gradient), at load 0; `options` are PETSc's."""
     V = space(domain, degree)
     u, v, given = fem.Function(V), ufl.TestFunction(V), fem.Function(V)
-    strain = kinematics.membrane_strain(u, frame.plane_axes(domain, warp))
+    strain = kinematics.membrane_strain(u, yarns.plane_axes(domain, warp))
     fabric = hook.LawHook(law, strain, domain, degree=2 * degree)
     residual = weakform.internal(fabric.stress, strain, u, v, fem.Constant(domain, THICKNESS), fabric.dx)
     domain.topology.create_connectivity(1, 2)
@@ -171,7 +174,7 @@ def clamped(comm, fabric, law, cells=(9, 3), degree=1, warp=0.0, turn=0.0, rtol=
     x[:, :2] = x[:, :2] @ turned(turn).T
     V = space(domain.mesh, degree)
     u, v, given = fem.Function(V), ufl.TestFunction(V), fem.Function(V)
-    strain = kinematics.membrane_strain(u, frame.plane_axes(domain.mesh, warp + turn))
+    strain = kinematics.membrane_strain(u, yarns.plane_axes(domain.mesh, warp + turn))
     sheet = hook.LawHook(law, strain, domain.mesh, degree=2 * degree)
     residual = weakform.internal(sheet.stress, strain, u, v, fem.Constant(domain.mesh, fabric.thickness), sheet.dx)
     end, parts = group(domain, V, "pulled_end"), [group(domain, V, "pulled_end", k) for k in (0, 1)]
@@ -195,7 +198,7 @@ def drawn(comm, fabric, law, cells=(4, 2), warp=0.0, cell="quadrilateral", rtol=
     domain = specimen(comm, fabric, cells, triangles=int(cell == "triangle"))
     V = space(domain.mesh)
     u, v = fem.Function(V), ufl.TestFunction(V)
-    strain = kinematics.membrane_strain(u, frame.plane_axes(domain.mesh, warp))
+    strain = kinematics.membrane_strain(u, yarns.plane_axes(domain.mesh, warp))
     sheet = hook.LawHook(law, strain, domain.mesh, degree=2)
     traction = fem.Constant(domain.mesh, np.zeros(2))
     edges = ufl.Measure("ds", domain=domain.mesh, subdomain_data=domain.tags[1])

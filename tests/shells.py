@@ -10,11 +10,15 @@ import ufl
 from mpi4py import MPI
 from dolfinx import fem
 
-from fabric_fenicsx import assumed_strain, directors, fabrics, hook, meshing, statics, weakform
+from fabric_fenicsx import fabrics
 from fabric_fenicsx.laws.section import Section
 from fabric_fenicsx.laws.svk import StVenantKirchhoff
 from fabric_fenicsx.laws.woven import Woven
-from fabric_fenicsx.stiffness import InternalWork
+from fabric_fenicsx.shell import assumed_strain, directors
+from fabric_fenicsx.solvers import statics
+from fabric_fenicsx.surfaces import meshing
+from fabric_fenicsx.terms import hook, weakform
+from fabric_fenicsx.terms.work import InternalWork
 
 FABRIC = fabrics.load("blend")
 WOVEN, STIFFNESS = Woven(FABRIC), StVenantKirchhoff.from_fabric(FABRIC).stiffness

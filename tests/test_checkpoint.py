@@ -10,9 +10,11 @@ import pytest
 from mpi4py import MPI
 from dolfinx import fem
 
-from fabric_fenicsx import checkpoint, fabrics, supports
+from fabric_fenicsx import fabrics
 from fabric_fenicsx.errors import InputError, StepFailed
 from fabric_fenicsx.laws.woven import Woven
+from fabric_fenicsx.solvers import checkpoint
+from fabric_fenicsx.terms import supports
 
 COMM = MPI.COMM_WORLD
 BLEND = fabrics.load("blend")

@@ -14,7 +14,8 @@ import pytest
 import test_demos
 from test_setup import PROJECT, ROOT
 
-from fabric_fenicsx import cli, doctor, fabrics, scenes, system
+from fabric_fenicsx import fabrics, scenes, system
+from fabric_fenicsx.app import cli, doctor
 from fabric_fenicsx.errors import InputError
 from fabric_fenicsx.identify import synthetic
 
@@ -61,7 +62,7 @@ name = "centre"
 at = "centre"
 axis = "z"
 """
-ENTRY = "import sys; sys.argv[0] = 'fabric-fenicsx'; from fabric_fenicsx import cli; cli.main()"
+ENTRY = "import sys; sys.argv[0] = 'fabric-fenicsx'; from fabric_fenicsx.app import cli; cli.main()"
 
 
 @pytest.fixture
@@ -109,7 +110,7 @@ def one_frame(folder):
 
 
 def test_the_entry_point_is_this_command():
-    assert PROJECT["scripts"] == {"fabric-fenicsx": "fabric_fenicsx.cli:main"}
+    assert PROJECT["scripts"] == {"fabric-fenicsx": "fabric_fenicsx.app.cli:main"}
     verbs = {"fabrics", "identify", "run", "view", "doctor"}
     assert set(cli.app.commands) == verbs and all(cli.app.commands[verb].help for verb in verbs)
 

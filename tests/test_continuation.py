@@ -9,10 +9,14 @@ import ufl
 from mpi4py import MPI
 from dolfinx import fem
 
-from fabric_fenicsx import continuation, directors, fabrics, meshing, statics, supports, weakform
+from fabric_fenicsx import fabrics
 from fabric_fenicsx.errors import InputError, StepFailed
 from fabric_fenicsx.laws.svk import StVenantKirchhoff
 from fabric_fenicsx.laws.woven import Woven
+from fabric_fenicsx.shell import directors
+from fabric_fenicsx.solvers import continuation, statics
+from fabric_fenicsx.surfaces import meshing
+from fabric_fenicsx.terms import supports, weakform
 
 COMM = MPI.COMM_WORLD
 BLEND = fabrics.load("blend")

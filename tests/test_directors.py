@@ -7,8 +7,10 @@ import scenes
 from mpi4py import MPI
 from dolfinx import fem, mesh
 
-from fabric_fenicsx import directors, meshing, supports
 from fabric_fenicsx.errors import InputError
+from fabric_fenicsx.shell import directors
+from fabric_fenicsx.surfaces import meshing
+from fabric_fenicsx.terms import supports
 
 COMM = MPI.COMM_WORLD
 every_cell = pytest.mark.parametrize("triangles", [0, 1], ids=["mitc4", "regge"])

@@ -6,7 +6,7 @@ import re
 import subprocess
 import sys
 
-from test_layers import FILES, PACKAGE
+from test_layers import FILES, FOLDERS, PACKAGE, placed, room_of
 from test_setup import PROJECT, ROOT
 
 DEMOS = [*sorted((ROOT / "demos").glob("my_*.py")), ROOT / "demos" / "sleeve.py"]
@@ -24,7 +24,15 @@ def test_every_room_and_public_name_is_told():
 
 def test_the_theory_cites_its_source():
     """Equations of the thesis, or a paper, where a room stands on them."""
-    for room in ("kinematics", "directors", "assumed_strain", "hook", "motion", "laws/woven", "laws/section"):
+    for room in (
+        "shell/kinematics",
+        "shell/directors",
+        "shell/assumed_strain",
+        "terms/hook",
+        "solvers/motion",
+        "laws/woven",
+        "laws/section",
+    ):
         text = ast.get_docstring(ast.parse((PACKAGE / f"{room}.py").read_text()))
         assert re.search(r"\([56]\.\d+\)|Box [56]-\d|doi 10\.", text), room
 
@@ -34,19 +42,22 @@ def test_the_package_lists_its_rooms_its_names_and_its_limits():
     text = ast.get_docstring(ast.parse((PACKAGE / "__init__.py").read_text()))
     assert "# What it cannot do" in text and "Contact" in text
     public, internal = text[text.index("- `fabrics`") : text.index("The five demos")].split("The other rooms")
-    rooms = {path.relative_to(PACKAGE).parts[0].removesuffix(".py") for path in FILES}
-    found = [name for name in re.findall(r"`([a-z_]+)`", internal) if name in rooms]
+    rooms = {room_of(path) for path in FILES} - FOLDERS
+    found = [name for name in re.findall(r"`([a-z_.]+)`", internal) if name in rooms]
     listed = {}
     for room, names in re.findall(r"(?:- |; (?:\w+ )*)`([a-z_.]+)`: ((?:(?!; (?:\w+ )*`[a-z_.]+`: ).)+)", public):
         listed[room] = set(re.findall(r"`(\w+)`", names))
-    assert {name.split(".")[0] for name in listed} | set(found) == rooms
-    assert not {name.split(".")[0] for name in listed} & set(found)
+    told = {placed(name.split(".")) for name in listed}
+    assert told | set(found) == rooms
+    assert not told & set(found)
     for room, names in listed.items():
         module = importlib.import_module(f"fabric_fenicsx.{room}")
         assert all(hasattr(module, name) for name in names), room
     for path in sorted((ROOT / "demos").rglob("*.py")):
         for name in imports_of(path):
-            assert any(f"{name}.".startswith(f"{room}.") for room in listed), f"{path.name} imports {name}"
+            assert any(f"{name}.".startswith(f"{room}.") or name in FOLDERS for room in listed), (
+                f"{path.name} imports {name}"
+            )
 
 
 def imports_of(path):

@@ -13,10 +13,12 @@ from dolfinx import fem
 from dolfinx.fem import petsc as fempetsc
 from petsc4py import PETSc
 
-from fabric_fenicsx import fabrics, motion, supports, weakform
+from fabric_fenicsx import fabrics
 from fabric_fenicsx.errors import InputError, StepFailed
 from fabric_fenicsx.laws.section import Section
 from fabric_fenicsx.laws.woven import Woven
+from fabric_fenicsx.solvers import motion
+from fabric_fenicsx.terms import supports, weakform
 
 COMM = MPI.COMM_WORLD
 BLEND = fabrics.load("blend")

@@ -8,8 +8,11 @@ import pytest
 from mpi4py import MPI
 from dolfinx import fem
 
-from fabric_fenicsx import checkpoint, energy, explicit, meshing, motion, sheet, supports
+from fabric_fenicsx import sheet
 from fabric_fenicsx.errors import InputError, StepFailed
+from fabric_fenicsx.solvers import checkpoint, energy, explicit, motion
+from fabric_fenicsx.surfaces import meshing
+from fabric_fenicsx.terms import supports
 
 COMM = MPI.COMM_WORLD
 

@@ -7,8 +7,9 @@ import ufl
 from mpi4py import MPI
 from dolfinx import fem
 
-from fabric_fenicsx import directors, frame, meshing
 from fabric_fenicsx.errors import InputError
+from fabric_fenicsx.shell import directors
+from fabric_fenicsx.surfaces import meshing, yarns
 
 COMM = MPI.COMM_WORLD
 DEGREE = directors.DEGREE
@@ -51,14 +52,14 @@ def exact_normal(name, x):
 
 def at_points(m, *fields):
     """Values (n, 3) of vector fields at the points of the rule, in the cells of this rank."""
-    points = frame.basix.make_quadrature(m.basix_cell(), DEGREE)[0]
+    points = yarns.basix.make_quadrature(m.basix_cell(), DEGREE)[0]
     cells = np.arange(m.topology.index_map(2).size_local, dtype=np.int32)
     return [fem.Expression(field, points).eval(m, cells).reshape(-1, 3) for field in fields]
 
 
 def axes_at_points(domain, warp):
     """Places, discrete normals, warp and weft, each (n, 3)."""
-    axes = frame.surface_axes(domain, warp, DEGREE)
+    axes = yarns.surface_axes(domain, warp, DEGREE)
     m = domain.mesh
     x, n = at_points(m, ufl.SpatialCoordinate(m), ufl.CellNormal(m))
     return x, n, *(axis.x.array.reshape(-1, 3)[: len(x)] for axis in axes)
@@ -107,7 +108,7 @@ def test_along_and_around_a_cylinder(cell):
     V = fem.functionspace(m, ("Lagrange", 1, (3,)))
     field = fem.Function(V)
     field.interpolate(lambda x: np.array([x[2], 0 * x[0], -x[0]]))
-    for axis, other in zip(frame.surface_axes(m, field, DEGREE), (a, b), strict=True):
+    for axis, other in zip(yarns.surface_axes(m, field, DEGREE), (a, b), strict=True):
         assert largest(axis.x.array.reshape(-1, 3)[: len(other)] - other) < 1e-14
 
 
@@ -151,7 +152,7 @@ def test_a_direction_for_each_patch(tmp_path):
     assert largest(a - np.where(sleeve, np.array([1, 0, 2]) / np.sqrt(5), [1, 0, 0])) < 1e-14
     assert largest(b - np.where(sleeve, np.array([2, 0, -1]) / np.sqrt(5), [0, 1, 0])) < 1e-14
     # in the plane, angles
-    angle = frame.patches(domain, {"sleeve": 0.5, "body": -1.0})
+    angle = yarns.patches(domain, {"sleeve": 0.5, "body": -1.0})
     assert largest(angle.x.array - np.where(domain.mesh.topology.original_cell_index > 1, 0.5, -1.0)) == 0
 
 
@@ -173,23 +174,23 @@ def test_a_warp_that_cannot_be_is_refused_naming_the_cell(tmp_path):
     said = r"^In cell 3 at \(0.6667, 0, 0.3333\) the warp direction is along the normal, zero or not finite"
     for bad in ((0, 0, 0), (np.nan, 1, 0), (0, np.inf, 0), (0, -3, 1e-7)):
         field.x.array.reshape(-1, 3)[number == 3] = bad
-        refused(said, lambda: frame.surface_axes(domain, field, DEGREE))
+        refused(said, lambda: yarns.surface_axes(domain, field, DEGREE))
     field.x.array.reshape(-1, 3)[number == 3] = (0, -3, 1e-4)
-    frame.surface_axes(domain, field, DEGREE)
+    yarns.surface_axes(domain, field, DEGREE)
     patches = {"body": (1, 0, 0), "sleeve": (0, -2, 1e-9)}
-    refused(r"^In cell 2 at \(0.3333, 0, 0.6667\) the warp", lambda: frame.surface_axes(domain, patches, DEGREE))
-    refused(r"^In cell 0 at .* the warp", lambda: frame.surface_axes(domain.mesh, (0, 0, 1), DEGREE))
+    refused(r"^In cell 2 at \(0.3333, 0, 0.6667\) the warp", lambda: yarns.surface_axes(domain, patches, DEGREE))
+    refused(r"^In cell 0 at .* the warp", lambda: yarns.surface_axes(domain.mesh, (0, 0, 1), DEGREE))
     refused(
         r"^In cell 2 at \(0.3333, 0, 0.6667\) no warp is given: it is in none of the groups body\.$",
-        lambda: frame.patches(domain, {"body": (1, 0, 0)}),
+        lambda: yarns.patches(domain, {"body": (1, 0, 0)}),
     )
-    refused("no physical group 'cuff'", lambda: frame.patches(domain, {"cuff": (1, 0, 0)}))
-    refused("'boundary' is not one of cells", lambda: frame.patches(domain, {"boundary": (1, 0, 0)}))
-    refused("of every patch must be", lambda: frame.patches(domain, {"body": (1, 0, 0), "sleeve": 1.0}))
-    refused("of every patch must be", lambda: frame.patches(domain, {}))
-    refused("give the Domain", lambda: frame.surface_axes(domain.mesh, patches, DEGREE))
+    refused("no physical group 'cuff'", lambda: yarns.patches(domain, {"cuff": (1, 0, 0)}))
+    refused("'boundary' is not one of cells", lambda: yarns.patches(domain, {"boundary": (1, 0, 0)}))
+    refused("of every patch must be", lambda: yarns.patches(domain, {"body": (1, 0, 0), "sleeve": 1.0}))
+    refused("of every patch must be", lambda: yarns.patches(domain, {}))
+    refused("give the Domain", lambda: yarns.surface_axes(domain.mesh, patches, DEGREE))
     for warp in ((0, 0, 0), (1, 0), (1, 0, np.nan)):
-        refused("must be three numbers", lambda warp=warp: frame.surface_axes(domain, warp, DEGREE))
+        refused("must be three numbers", lambda warp=warp: yarns.surface_axes(domain, warp, DEGREE))
 
 
 # -- geometry ------------------------------------------------------------------------------------------------

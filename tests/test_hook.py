@@ -9,10 +9,14 @@ import ufl
 from mpi4py import MPI
 from dolfinx import fem, mesh
 
-from fabric_fenicsx import fabrics, frame, hook, kinematics, statics, weakform
+from fabric_fenicsx import fabrics
 from fabric_fenicsx.errors import InputError
 from fabric_fenicsx.laws.svk import StVenantKirchhoff
 from fabric_fenicsx.laws.woven import Woven
+from fabric_fenicsx.shell import kinematics
+from fabric_fenicsx.solvers import statics
+from fabric_fenicsx.surfaces import yarns
+from fabric_fenicsx.terms import hook, weakform
 
 COMM = MPI.COMM_WORLD
 FIRST = StVenantKirchhoff.orthotropic(9e6, 28e6, 0.2, 1.5e6)
@@ -44,7 +48,7 @@ def test_the_hook_is_plain_ufl_for_an_elastic_law(cell, degree):
     domain = scenes.grid(MPI.COMM_SELF, cell, (3, 2), skew=0.2)
     V = scenes.space(domain, degree)
     u, v = scenes.random(fem.Function(V), 0.02), ufl.TestFunction(V)
-    strain = kinematics.membrane_strain(u, frame.plane_axes(domain, 0.4))
+    strain = kinematics.membrane_strain(u, yarns.plane_axes(domain, 0.4))
     h = fem.Constant(domain, 1e-3)
     for law in (FIRST, SECOND):
         fabric = hook.LawHook(law, strain, domain, 2 * degree)
@@ -60,7 +64,7 @@ def test_two_hooks_one_of_them_in_two_terms_are_plain_ufl():
     halves = mesh.meshtags(domain, 2, np.arange(12, dtype=np.int32), np.array([1, 2] * 6, dtype=np.int32))
     hooks, ours, plain = [], 0, 0
     for law, warp, rule in ((FIRST, 0.4, 2), (SECOND, -1.1, 3)):
-        strain = kinematics.membrane_strain(u, frame.plane_axes(domain, warp))
+        strain = kinematics.membrane_strain(u, yarns.plane_axes(domain, warp))
         hooks.append(fabric := hook.LawHook(law, strain, domain, rule))
         elastic = weakform.elastic_stress(domain, law.stiffness, strain)
         terms = [(1e-3, fabric.dx(1, subdomain_data=halves)), (4e-3, fabric.dx(2, subdomain_data=halves))]
@@ -88,7 +92,7 @@ def orders(law, past=None):
     warp.x.array[:] = np.linspace(-1.5, 1.5, len(warp.x.array))
     V = scenes.space(domain)
     u, v, way = fem.Function(V), ufl.TestFunction(V), scenes.random(fem.Function(V), 1e-2, seed=3)
-    strain = kinematics.membrane_strain(u, frame.plane_axes(domain, warp))
+    strain = kinematics.membrane_strain(u, yarns.plane_axes(domain, warp))
     fabric = hook.LawHook(law, strain, domain, 2)
     residual = weakform.internal(fabric.stress, strain, u, v, fem.Constant(domain, 1.0), fabric.dx)
     residual, jacobian = (fem.form(f) for f in hook.derive(residual, u, (fabric,)))
@@ -133,7 +137,7 @@ def parts(law, degree=2):
     domain = scenes.grid(COMM)
     V = scenes.space(domain)
     u, v = scenes.random(fem.Function(V), 1e-3), ufl.TestFunction(V)
-    strain = kinematics.membrane_strain(u, frame.plane_axes(domain, 0.3))
+    strain = kinematics.membrane_strain(u, yarns.plane_axes(domain, 0.3))
     fabric = hook.LawHook(law, strain, domain, degree)
     return u, fabric, weakform.internal(fabric.stress, strain, u, v, fem.Constant(domain, 1.0), fabric.dx)
 
@@ -203,7 +207,7 @@ def test_strain_beyond_calibration_is_said_once_per_hook_and_not_before_it_is_ac
     V = scenes.space(domain)
     for _ in range(2):
         u = fem.Function(V)
-        strain = kinematics.membrane_strain(u, frame.plane_axes(domain, 0.0))
+        strain = kinematics.membrane_strain(u, yarns.plane_axes(domain, 0.0))
         fabric = hook.LawHook(Woven(fabrics.load("duck")), strain, domain, 2)
         for by, commit, expected in [(0.05, 1, 0), (0.5, 0, 0), (0.05, 1, 0), (0.2, 1, 1), (0.3, 1, 0)]:
             u.interpolate(lambda x, by=by: by * x[:2])

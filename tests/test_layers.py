@@ -10,66 +10,56 @@ import pytest
 import fabric_fenicsx
 
 PACKAGE = Path(fabric_fenicsx.__file__).parent
-# from the top down; what stands in one line may not import each other. `errors` is for everybody.
-ROOMS = [
+# From the top down: floors, and the rooms of each folder in the order in which they may import. What stands in one set
+# may not import each other; a folder's rooms see all floors above it. `errors` is for everybody.
+FLOORS = [
     {"errors", "system", "plots"},
-    {"doctor"},
     {"entries"},
     {"fabrics"},
     {"laws"},
-    {"surface"},
-    {"importing"},
-    {"meshing"},
-    {"frame"},
-    {"kinematics"},
-    {"rotation"},
-    {"directors"},
-    {"assumed_strain"},
-    {"supports"},
-    {"hook"},
-    {"weakform"},
-    {"batches"},
-    {"stiffness"},
-    {"linear"},
-    {"continuation"},
-    {"statics"},
-    {"motion"},
-    {"moving_solver"},
-    {"stable_step", "stepper"},
-    {"dynamics", "explicit"},
-    {"energy"},
-    {"checkpoint"},
+    {"surfaces": [{"checking"}, {"importing"}, {"meshing"}, {"yarns"}]},
+    {"shell": [{"kinematics", "rotation"}, {"directors"}, {"assumed_strain"}]},
+    {"terms": [{"supports", "hook", "weakform", "kernels"}, {"work"}]},
+    {
+        "solvers": [
+            {"linear", "continuation", "checkpoint"},
+            {"statics", "motion"},
+            {"step", "stable_step", "stepper"},
+            {"newmark", "explicit"},
+            {"energy"},
+        ]
+    },
+    {"output": [{"pictures", "results"}, {"frames"}]},
     {"sheet"},
     {"specimen"},
-    {"pictures"},
-    {"frames"},
-    {"results"},
     {"identify", "scenes"},
-    {"command"},
-    {"cli"},
+    {"app": [{"command", "doctor"}, {"cli"}]},
 ]
-LEVEL = {room: level for level, rooms in enumerate(ROOMS) for room in rooms}
-FENICS = {"dolfinx", "ufl", "basix", "ffcx", "dolfinx_external_operator", "petsc4py", "mpi4py", "gmsh", "meshio"}
-# directors and stiffness hand the solver a matrix
-PETSC = {
-    "directors",
-    "stiffness",
-    "linear",
-    "statics",
-    "motion",
-    "moving_solver",
-    "stepper",
-    "dynamics",
-    "explicit",
-    "energy",
+LEVEL = {
+    (f"{floor}.{room}" if inside else floor): (level, depth)
+    for level, floors in enumerate(FLOORS)
+    for floor in floors
+    for inside in [floors[floor] if isinstance(floors, dict) else []]
+    for depth, rooms in enumerate(inside or [{floor}])
+    for room in rooms
 }
+FENICS = {"dolfinx", "ufl", "basix", "ffcx", "dolfinx_external_operator", "petsc4py", "mpi4py", "gmsh", "meshio"}
+# directors and work hand the solver a matrix
+PETSC = {"shell.directors", "terms.work"}
 FILES = [path for path in sorted(PACKAGE.rglob("*.py")) if path.parent != PACKAGE or path.name != "__init__.py"]
+FOLDERS = {room.split(".")[0] for room in LEVEL if "." in room}
 every_file = pytest.mark.parametrize("path", FILES, ids=lambda path: str(path.relative_to(PACKAGE)))
 
 
 def room_of(path):
-    """Name of the room that a file belongs to."""
-    return path.relative_to(PACKAGE).parts[0].removesuffix(".py")
+    """Name of the room that a file belongs to: `fabrics`, `solvers.statics`, or `solvers` for what its folder says."""
+    return placed(list(path.relative_to(PACKAGE).with_suffix("").parts))
+
+
+def placed(parts):
+    """The room that a dotted name belongs to."""
+    folder = parts[0] in FOLDERS and len(parts) > 1 and parts[1] != "__init__"
+    return ".".join(parts[: 2 if folder else 1])
 
 
 def imports(path):
@@ -87,21 +77,25 @@ def imports(path):
 @every_file
 def test_a_room_imports_only_rooms_above_it(path):
     here = room_of(path)
+    if here in FOLDERS:  # of a folder itself: what it hands on from its own rooms
+        assert all(name.startswith(f"fabric_fenicsx.{here}") for name in imports(path))
+        return
     assert here in LEVEL, f"{here} has no place in the order of rooms"
-    inside = [name.split(".") for name in imports(path) if name.split(".")[0] == "fabric_fenicsx"]
-    rooms = {parts[1] for parts in inside if len(parts) > 1} - {here}
-    below = {room for room in rooms if LEVEL.get(room, len(ROOMS)) >= LEVEL[here]}
+    inside = [name.split(".")[1:] for name in imports(path) if name.split(".")[0] == "fabric_fenicsx"]
+    rooms = {placed(parts) for parts in inside if parts} - {here}
+    below = {room for room in rooms if LEVEL.get(room, (len(FLOORS), 0)) >= LEVEL[here]}
     assert not below, f"{here} imports {below}"
 
 
 @every_file
 def test_only_those_who_need_them_know_of_fenics_petsc_and_gmsh(path):
     here, outside = room_of(path), set(imports(path))
-    if here in ("errors", "system", "doctor", "entries", "fabrics", "laws", "identify") and path.name != "inverse.py":
+    light = ("errors", "system", "app.doctor", "plots", "entries", "fabrics", "laws", "identify")
+    if here in light and path.name != "inverse.py":
         assert not {name.split(".")[0] for name in outside} & FENICS
-    if here not in PETSC:
+    if here not in PETSC and not here.startswith("solvers."):
         assert not any(name.startswith(("petsc4py", "dolfinx.fem.petsc")) for name in outside)
-    if here not in ("meshing", "importing"):
+    if here not in ("surfaces.meshing", "surfaces.importing"):
         assert not any(name.split(".")[0] in ("gmsh", "meshio") for name in outside)
 
 
@@ -140,6 +134,6 @@ def test_the_package_is_light_to_import():
 
 
 def test_drawing_is_loaded_by_those_who_draw():
-    modules = "fabric_fenicsx.results, fabric_fenicsx.laws.driver, fabric_fenicsx.fabrics, fabric_fenicsx.statics"
-    modules += ", fabric_fenicsx.identify.report"
+    rooms = ("output.results", "laws.driver", "fabrics", "solvers.statics", "identify.report")
+    modules = ", ".join(f"fabric_fenicsx.{room}" for room in rooms)
     assert not loaded(modules) & {"gmsh", "pyvista", "vtkmodules", "matplotlib"}

@@ -7,10 +7,13 @@ import ufl
 from mpi4py import MPI
 from dolfinx import fem
 
-from fabric_fenicsx import fabrics, linear, meshing, sheet, supports
+from fabric_fenicsx import fabrics, sheet
 from fabric_fenicsx.errors import StepFailed
 from fabric_fenicsx.laws.svk import StVenantKirchhoff
 from fabric_fenicsx.laws.woven import Woven
+from fabric_fenicsx.solvers import linear
+from fabric_fenicsx.surfaces import meshing
+from fabric_fenicsx.terms import supports
 
 COMM = MPI.COMM_WORLD
 BLEND = fabrics.load("blend")

@@ -9,8 +9,11 @@ import ufl
 from mpi4py import MPI
 from dolfinx import fem, la
 
-from fabric_fenicsx import assumed_strain, directors, meshing, statics, supports, weakform
 from fabric_fenicsx.errors import InputError
+from fabric_fenicsx.shell import assumed_strain, directors
+from fabric_fenicsx.solvers import statics
+from fabric_fenicsx.surfaces import meshing
+from fabric_fenicsx.terms import supports, weakform
 
 COMM = MPI.COMM_WORLD
 G = np.array([1.3, -0.7, -9.81])

@@ -7,8 +7,8 @@ import scenes
 from mpi4py import MPI
 from dolfinx import mesh
 
-from fabric_fenicsx import meshing
 from fabric_fenicsx.errors import InputError
+from fabric_fenicsx.surfaces import meshing
 
 COMM = MPI.COMM_WORLD
 STRIP, SQUARE = scenes.MESHES / "strip.geo", scenes.MESHES / "square.geo"

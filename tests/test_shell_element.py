@@ -12,10 +12,14 @@ from dolfinx import fem, mesh
 from motions import SQUARE
 from shells import STIFFNESS, H, Shell, surface
 
-from fabric_fenicsx import directors, hook, meshing, sheet, statics, weakform
+from fabric_fenicsx import sheet
 from fabric_fenicsx.errors import InputError
 from fabric_fenicsx.laws.svk import StVenantKirchhoff
-from fabric_fenicsx.stiffness import InternalWork
+from fabric_fenicsx.shell import directors
+from fabric_fenicsx.solvers import statics
+from fabric_fenicsx.surfaces import meshing
+from fabric_fenicsx.terms import hook, weakform
+from fabric_fenicsx.terms.work import InternalWork
 
 every_element = pytest.mark.parametrize("element", directors.ELEMENTS)
 defaults = pytest.mark.parametrize("element", ["regge", "mitc4"])

@@ -6,9 +6,11 @@ from mpi4py import MPI
 from dolfinx import fem, mesh
 from shells import Shell, surface
 
-from fabric_fenicsx import fabrics, statics, supports
+from fabric_fenicsx import fabrics
 from fabric_fenicsx.laws.svk import StVenantKirchhoff
 from fabric_fenicsx.laws.woven import Woven
+from fabric_fenicsx.solvers import statics
+from fabric_fenicsx.terms import supports
 
 COMM = MPI.COMM_WORLD
 defaults = pytest.mark.parametrize("element", ["regge", "mitc4"])

@@ -9,11 +9,15 @@ import scenes
 from mpi4py import MPI
 from dolfinx import fem
 
-from fabric_fenicsx import fabrics, frame, hook, kinematics, statics
+from fabric_fenicsx import fabrics
 from fabric_fenicsx.errors import InputError, StepFailed
 from fabric_fenicsx.laws import driver
 from fabric_fenicsx.laws.svk import StVenantKirchhoff
 from fabric_fenicsx.laws.woven import Woven
+from fabric_fenicsx.shell import kinematics
+from fabric_fenicsx.solvers import statics
+from fabric_fenicsx.surfaces import yarns
+from fabric_fenicsx.terms import hook
 
 COMM = MPI.COMM_WORLD
 BLEND = fabrics.load("blend")
@@ -33,7 +37,7 @@ def strain_of(F, warp):
 def test_a_rotation_strains_nothing_and_adds_nothing_to_a_strain(cell, angle):
     domain = scenes.grid(MPI.COMM_SELF, cell, skew=0.3)
     u = fem.Function(scenes.space(domain))
-    strain = kinematics.membrane_strain(u, frame.plane_axes(domain, 0.7))
+    strain = kinematics.membrane_strain(u, yarns.plane_axes(domain, 0.7))
     fabric = hook.LawHook(ELASTIC, strain, domain, 2)
     for gradient in (np.zeros((2, 2)), STRETCH):
         F = np.eye(2) + gradient
@@ -50,7 +54,7 @@ def test_a_warp_angle_that_is_no_number_is_refused(warp):
         field.x.array[-1:] = warp
     for given in (warp, fem.Constant(domain, warp), field):
         with pytest.raises(InputError, match="finite"):
-            frame.plane_axes(domain, given)
+            yarns.plane_axes(domain, given)
 
 
 @pytest.mark.parallel

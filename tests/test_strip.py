@@ -10,12 +10,14 @@ from mpi4py import MPI
 from dolfinx import fem
 from matplotlib import image
 
-from fabric_fenicsx import fabrics, pictures, results, statics, system
+from fabric_fenicsx import fabrics, system
 from fabric_fenicsx.errors import InputError
 from fabric_fenicsx.laws import driver
 from fabric_fenicsx.laws.printed import Printed
 from fabric_fenicsx.laws.stability import rotate_strain
 from fabric_fenicsx.laws.woven import Woven
+from fabric_fenicsx.output import pictures, results
+from fabric_fenicsx.solvers import statics
 
 COMM = MPI.COMM_WORLD
 beyond = pytest.mark.filterwarnings("ignore:.* is beyond the measured")

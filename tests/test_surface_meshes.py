@@ -9,8 +9,8 @@ import ufl
 from mpi4py import MPI
 from dolfinx import fem, mesh
 
-from fabric_fenicsx import meshing
 from fabric_fenicsx.errors import InputError
+from fabric_fenicsx.surfaces import meshing
 
 COMM = MPI.COMM_WORLD
 ROUND = {3: (0, 1, 2), 6: (0, 1, 2), 4: (0, 1, 2, 3), 9: (0, 1, 2, 3)}

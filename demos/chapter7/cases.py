@@ -20,7 +20,7 @@ from pathlib import Path
 from tqdm import tqdm
 
 import fabric_fenicsx
-from fabric_fenicsx import command
+from fabric_fenicsx.app import command
 
 DEMOS = Path(__file__).parent.parent
 NAMES = ("blend", "denim", "duck", "muslin")

@@ -17,8 +17,9 @@ import simple_shear
 import tensile
 from mpi4py import MPI
 
-from fabric_fenicsx import fabrics, pictures
+from fabric_fenicsx import fabrics
 from fabric_fenicsx.laws import named
+from fabric_fenicsx.output import pictures
 
 warnings.filterwarnings("ignore", message=".*beyond the measured")  # the sections say it
 LAWS = named.MEASURED

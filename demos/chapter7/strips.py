@@ -5,7 +5,20 @@ import numpy as np
 from fabric_fenicsx import fabrics, plots
 
 from . import page
-from .sections import ROW, SAID, above, block, ending, fitted, full, looks, row, trace, trace_fit, worst
+from .sections import (
+    ROW,
+    SAID,
+    above,
+    block,
+    ending,
+    fitted,
+    full,
+    looks,
+    row,
+    trace,
+    trace_fit,
+    worst,
+)
 
 YARNS = "7.2.1 Axial tests in warp and weft"
 CYCLES = {"blend": "7-10", "denim": "7-11", "duck": "7-12", "muslin": "7-13"}

@@ -12,10 +12,12 @@ import numpy as np
 from mpi4py import MPI
 from scipy.optimize import least_squares, minimize_scalar
 
-from .. import fabrics, meshing, specimen, statics
+from .. import fabrics, specimen
 from ..errors import InputError
 from ..laws import Array
 from ..laws.woven import Woven
+from ..solvers import statics
+from ..surfaces import meshing
 from . import curves
 from .curves import Estimate, Readings
 from .identification import Curve, Identified

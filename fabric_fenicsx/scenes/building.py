@@ -9,10 +9,12 @@ from mpi4py import MPI
 from dolfinx import fem
 from ufl.form import Form
 
-from .. import fabrics, frame, meshing, supports, weakform
+from .. import fabrics
 from ..errors import InputError
 from ..laws import named
 from ..sheet import Sheet
+from ..surfaces import meshing, yarns
+from ..terms import supports, weakform
 from .reading import Load, Scene, Support
 
 
@@ -40,7 +42,7 @@ def build(scene: Scene, comm: MPI.Comm = MPI.COMM_WORLD) -> Built:
     domain = meshing.read(scene.mesh, comm, 3, scene.orient, **scene.numbers)
     law = named.law(scene.law, fabric, scene.poisson, scene.shear_hysteresis)
     G = fabric.shear.modulus[0]
-    warp = scene.warp if isinstance(scene.warp, tuple) else frame.patches(domain, scene.warp)
+    warp = scene.warp if isinstance(scene.warp, tuple) else yarns.patches(domain, scene.warp)
     cloth = Sheet(domain, law, fabric.thickness, (G, G), warp, scene.kinematics, scene.element, scene.layers)
     bcs, moves = [], []
     for support in scene.supports:

@@ -61,11 +61,11 @@ from pathlib import Path
 import numpy as np
 
 from .. import entries
-from ..directors import ELEMENTS
 from ..entries import Table
-from ..frames import LABELS
 from ..laws.named import NAMES
-from ..pictures import VIEW
+from ..output.frames import LABELS
+from ..output.pictures import VIEW
+from ..shell.directors import ELEMENTS
 
 AXES = ("x", "y", "z")
 LOADS = {

@@ -7,11 +7,13 @@ from typing import Any
 
 import numpy as np
 
-from .. import checkpoint, results, statics, supports
-from ..continuation import Step
-from ..energy import Ledger
 from ..errors import InputError
-from ..frames import Frames, Series, coloured
+from ..output import results
+from ..output.frames import Frames, Series, coloured
+from ..solvers import checkpoint, statics
+from ..solvers.continuation import Step
+from ..solvers.energy import Ledger
+from ..terms import supports
 from .building import Built, build
 from .reading import AXES, Scene
 

@@ -1,0 +1,261 @@
+"""The command `fabric-fenicsx`. Rooms are imported by the verbs that use them: `doctor` must start without any."""
+
+import inspect
+import math
+import os
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from importlib import import_module
+from pathlib import Path
+
+import click
+
+import fabric_fenicsx
+
+from ..errors import InputError
+
+STRIP = Path(__file__).parent.parent / "meshes" / "strip.geo"
+folder = click.Path(file_okay=False, path_type=Path)
+file = click.Path(dir_okay=False, path_type=Path)
+
+
+COMPLETION = """\b
+Completion by the shell, a line for its own file:
+  ~/.bashrc    eval "$(_FABRIC_FENICSX_COMPLETE=bash_source fabric-fenicsx)"
+  ~/.zshrc     eval "$(_FABRIC_FENICSX_COMPLETE=zsh_source fabric-fenicsx)"
+  config.fish  _FABRIC_FENICSX_COMPLETE=fish_source fabric-fenicsx | source"""
+
+
+@click.group(context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110}, epilog=COMPLETION)
+@click.option("--traceback", is_flag=True, help="Where something goes wrong, show where in the program.")
+@click.version_option(fabric_fenicsx.__version__)
+@click.pass_context
+def app(context: click.Context, traceback: bool) -> None:
+    """Woven fabric as a thin shell: measured fabrics, scenes, and pictures of what they do."""
+    if fabric_fenicsx.MISSING and context.invoked_subcommand != "doctor":
+        raise click.ClickException(fabric_fenicsx.MISSING)
+
+
+def fabric_names(context: click.Context, parameter: click.Parameter, incomplete: str) -> list[str]:
+    """For completion: the fabrics of the package."""
+    from .. import fabrics
+
+    return [name for name in fabrics.names() if name.startswith(incomplete)]
+
+
+@contextmanager
+def drawn_to(path: Path) -> Iterator[None]:
+    """What cannot be written, or has an ending that is no picture's, is the user's fault."""
+    try:
+        yield
+    except (OSError, ValueError, ImportError) as error:
+        reason = str(error).splitlines()[0].rstrip(".")
+        raise InputError(
+            f"The picture {str(path)!r} cannot be written ({reason}); choose another with --out."
+        ) from error
+
+
+def keys(room: str) -> Callable[[Callable[..., None]], Callable[..., None]]:
+    """An option that prints the head of a room, where the keys of its file are told."""
+
+    def tell(context: click.Context, parameter: click.Parameter, wanted: bool) -> None:
+        if wanted and not context.resilient_parsing:
+            click.echo(inspect.getdoc(import_module(f"fabric_fenicsx.{room}")))
+            context.exit()
+
+    return click.option("--keys", is_flag=True, is_eager=True, expose_value=False, callback=tell,
+                        help="Print an example with every key of the file, and leave.")  # fmt: skip
+
+
+@app.group("fabrics")
+def fabrics_group() -> None:
+    """The measured fabrics: list, show, plot."""
+
+
+@fabrics_group.command("list")
+def fabrics_list() -> None:
+    """Every fabric that comes along, a line each."""
+    from .. import fabrics
+
+    click.echo(f"{'name':10s}{'material':22s}{'weave':14s}{'mm':>6s}{'kg/m2':>8s}{'nu12':>7s}{'nu21':>7s}")
+    for name in fabrics.names():
+        f = fabrics.load(name)
+        nu12, nu21 = f.poisson["measured"]
+        click.echo(
+            f"{name:10s}{f.material:22.21s}{f.weave:14.13s}{f.thickness * 1e3:6.2f}{f.density * f.thickness:8.3f}"
+            f"{nu12:7.2f}{nu21:7.2f}"
+        )
+
+
+@fabrics_group.command("show")
+@click.argument("name", shell_complete=fabric_names)
+def fabrics_show(name: str) -> None:
+    """All numbers of a fabric, by NAME or TOML file, with their sources."""
+    from .. import fabrics
+
+    f = fabrics.load(name)
+    click.echo(f"{f.name} ({f.label}): {f.material}, {f.weave} weave")
+    areal_mass = f.density * f.thickness
+    click.echo(f"  thickness {f.thickness * 1e3:g} mm, density {f.density:g} kg/m3, {areal_mass:.4g} kg/m2")
+    for way, curve, E in (("warp", f.warp, "E11"), ("weft", f.weft, "E22"), ("shear", f.shear, "(2 E12)")):
+        terms = [f"{c / 1e6:.4g}" + (f" {E}" + (f"^{k}" if k > 1 else "") if k else "")
+                 for k, c in enumerate(curve.modulus) if c or not k]  # fmt: skip
+        click.echo(f"  {way:6s}modulus {' + '.join(terms).replace('+ -', '- ')} MPa up to {E} = {curve.limit:.4g}; "
+                   f"unloading {curve.unloading / 1e6:.4g} MPa")  # fmt: skip
+    for key, (nu12, nu21) in f.poisson.items():
+        click.echo(f"  Poisson's ratios, {key}: nu12 {nu12:g}, nu21 {nu21:g}")
+    for key, source in f.sources.items():
+        click.echo(f"  source of {key}: {source}")
+
+
+@fabrics_group.command("plot")
+@click.argument("names", nargs=-1, shell_complete=fabric_names)
+@click.option("--out", type=file, help="Picture: png, pdf or svg.  [default: out/fabrics.png]")
+def fabrics_plot(names: tuple[str, ...], out: Path | None) -> None:
+    """Stress against strain of NAMES (all, if left out): a panel for warp, weft and shear."""
+    from mpi4py import MPI
+
+    from .. import fabrics
+    from ..output import results
+
+    chosen = [fabrics.load(name) for name in names or fabrics.names()]
+    if out is None:
+        out = results.folder("out", MPI.COMM_SELF) / "fabrics.png"
+    with drawn_to(out):
+        if len(chosen) == 1:
+            chosen[0].plot(out)
+        else:
+            fabrics.compare(chosen, out)
+    click.echo(f"see {out}")
+
+
+@app.command()
+@click.argument("tests", type=file)
+@keys("identify.listing")
+@click.option("--shear", type=click.Choice(["photographs", "inverse", "net"]), default="photographs",
+              show_default=True, help="Where the shear curve comes from: marked yarns, or the force of the bias test, "
+              "by simulation (inverse) or of yarns that keep their length (net).")  # fmt: skip
+@click.option("--ends", type=click.Choice(["clamped", "free"]), default="clamped", show_default=True,
+              help="Of the simulated strip (--shear inverse).")  # fmt: skip
+@click.option("--out", type=folder, default=Path("out/identify"), show_default=True)
+def identify(tests: Path, shear: str, ends: str, out: Path) -> None:
+    """From test records to a fabric: a one-page report and fabric.toml. TESTS is a TOML file that lists the records.
+
+    See --keys for all that it may hold, and demos/records for one of published tests.
+    """
+    from mpi4py import MPI
+
+    from ..identify import making
+    from ..output import results
+
+    if MPI.COMM_WORLD.rank > 0:  # nothing here is large enough to share
+        return
+    out = results.folder(out, MPI.COMM_SELF)
+    path, _ = making.make(tests, out, shear, STRIP, ends, click.echo)
+    click.echo(f"see {out / 'report.pdf'}; use it with --fabric {path}")
+
+
+@app.command()
+@click.argument("scene", type=file)
+@keys("scenes.reading")
+@click.option("--out", type=folder, help="Folder for the results.  [default: out/NAME OF THE SCENE]")
+@click.option("--resume", type=file, help="Go on from the checkpoint of a motion.")
+@click.option("--quiet", is_flag=True, help="No progress.")
+def run(scene: Path, out: Path | None, resume: Path | None, quiet: bool) -> None:
+    """Run SCENE, a TOML file (see --keys, and demos/scenes); also by mpirun -n N fabric-fenicsx run ..."""
+    from .. import scenes
+    from ..output import results
+    from . import command
+
+    said = scenes.read(scene)
+    out = results.folder(out or Path("out") / scene.stem)
+    table = scenes.run(said, out, not quiet, resume)
+    last = table.rows[-1]
+    command.say(", ".join(f"{name} {value:.6g}" for name, value in last.items() if name != "wall_s"))
+    command.say(f"{len(table.rows)} steps, {table.column('wall_s').sum():.1f} s; see {out}")
+
+
+def three(context: click.Context, parameter: click.Parameter, text: str | None) -> tuple[float, ...] | None:
+    """Three numbers, as 1,-2,1.2."""
+    if text is None:
+        return None
+    try:
+        x, y, z = map(float, text.split(","))
+    except ValueError:
+        raise click.BadParameter(f"{text} is not of the form 1,-2,1.2") from None
+    if not (math.isfinite(x + y + z) and (x or y or z)):
+        raise click.BadParameter(f"{text} is no direction; give three finite numbers, as 1,-2,1.2")
+    return x, y, z
+
+
+@app.command()
+@click.argument("results_folder", metavar="FOLDER", type=folder)
+@click.option("--frame", type=int, default=-1, help="Which step, from 0; the last, if left out.")
+@click.option("--colour", type=click.Choice(["yarn", "warp", "weft", "shear"]), default="yarn", show_default=True,
+              help="By which strain; yarn: the larger of warp and weft.")  # fmt: skip
+@click.option("--view", "eye", callback=three, metavar="X,Y,Z", help="From the sheet to the eye.")
+@click.option("--animation", is_flag=True, help="All steps, as animation.gif.")
+@click.option("--out", type=file, help="Picture, or with --animation .gif or .mp4.  [default: in FOLDER]")
+def view(results_folder: Path, frame: int, colour: str, eye: tuple[float, float, float] | None, animation: bool,
+         out: Path | None) -> None:  # fmt: skip
+    """Draw what a run, or a demo with --animation, wrote into FOLDER."""
+    from .. import system
+    from ..output.frames import Series
+
+    series = Series(results_folder / "frames")
+    if (fault := system.can_draw()) is not None:
+        raise InputError(fault)
+    if not -len(series.times) <= frame < len(series.times):
+        raise InputError(f"--frame {frame}: the run has the frames 0 to {len(series.times) - 1}.")
+    out = out or results_folder / ("animation.gif" if animation else "view.png")
+    with drawn_to(out):
+        if animation:
+            series.animation(out, colour, eye)
+        else:
+            series.picture(out, frame, colour, eye)
+    click.echo(f"see {out}")
+
+
+@app.command()
+def doctor() -> None:
+    """What is installed, what is missing, and how to mend it. Status 1 if something needed is missing."""
+    from . import doctor as room
+
+    found = room.look()
+    for finding in found:
+        mark = "ok     " if finding.good else "MISSING" if finding.needed else "without"
+        click.echo(f"{mark} {finding.name}: {finding.said}")
+        if not finding.good:
+            click.echo(f"        to mend it: {finding.remedy}")
+    bad = [f for f in found if not f.good]
+    needed = [f.name for f in bad if f.needed]
+    click.echo("everything is there" if not bad else
+               f"missing: {', '.join(needed)}" if needed else "all that is needed is there")  # fmt: skip
+    if needed:
+        raise click.exceptions.Exit(1)
+
+
+def main() -> None:
+    """Run the command line; a fault is one sentence, and the status is not zero."""
+    arguments = [word for word in sys.argv[1:] if word != "--traceback"]
+    shown = len(arguments) < len(sys.argv) - 1
+    if fabric_fenicsx.MISSING:
+        sys.exit(app.main(arguments, "fabric-fenicsx"))
+    from mpi4py import MPI
+
+    from . import command
+
+    if MPI.COMM_WORLD.rank > 0 and not shown:
+        sys.stdout = sys.stderr = open(os.devnull, "w")  # noqa: SIM115  what is wrong is said once
+
+    def words() -> int | None:
+        try:
+            return app.main(arguments, "fabric-fenicsx", standalone_mode=False)
+        except click.ClickException as error:
+            error.show()
+            return error.exit_code
+        except click.Abort:
+            return 130
+
+    command.run(words, shown)

@@ -1,0 +1,100 @@
+"""What every script of this project does at its command line, alone or under mpirun."""
+
+import argparse
+import contextlib
+import io
+import math
+import sys
+import traceback
+import warnings
+from collections.abc import Callable
+
+from mpi4py import MPI
+
+from ..errors import InputError, StepFailed
+
+
+def number(text: str) -> float:
+    """A finite number."""
+    with contextlib.suppress(ValueError):
+        if math.isfinite(value := float(text)):
+            return value
+    raise argparse.ArgumentTypeError(f"{text} is not a finite number")
+
+
+def above_zero(text: str) -> float:
+    """A finite number greater than zero."""
+    if (value := number(text)) <= 0.0:
+        raise argparse.ArgumentTypeError(f"{text} is not greater than zero")
+    return value
+
+
+def positive(text: str) -> int:
+    """A whole number of at least 1."""
+    with contextlib.suppress(ValueError):
+        if (value := int(text)) >= 1:
+            return value
+    raise argparse.ArgumentTypeError(f"{text} is not a whole number of at least 1")
+
+
+def grid(text: str) -> tuple[int, int]:
+    """Two whole numbers of at least 1, as 9x3."""
+    parts = text.lower().split("x")
+    if len(parts) != 2:
+        raise argparse.ArgumentTypeError(f"{text} is not of the form 9x3")
+    return positive(parts[0]), positive(parts[1])
+
+
+class Help(argparse.RawDescriptionHelpFormatter, argparse.ArgumentDefaultsHelpFormatter):
+    """For --help: the text as it stands in the script, and the defaults that say something."""
+
+    def _get_help_string(self, action: argparse.Action) -> str | None:
+        return action.help if action.default is None or action.default is False else super()._get_help_string(action)
+
+
+def parse(parser: argparse.ArgumentParser) -> argparse.Namespace:
+    """The command line; where it is wrong, only rank 0 says so and all ranks leave with status 2."""
+    quiet = MPI.COMM_WORLD.rank != 0
+    with contextlib.ExitStack() as stack:
+        if quiet:
+            stack.enter_context(contextlib.redirect_stderr(io.StringIO()))
+            stack.enter_context(contextlib.redirect_stdout(io.StringIO()))
+        return parser.parse_args()
+
+
+def say(*words: object) -> None:
+    """Print on rank 0."""
+    if MPI.COMM_WORLD.rank == 0:
+        print(*words, flush=True)
+
+
+def run(main: Callable[[], int | None], shown: bool | None = None) -> None:
+    """Call `main` and leave with its status.
+
+    An InputError or StepFailed, which all ranks raise together, is said in one sentence (status 2 and 1).
+    Anything else is a fault of the program: all ranks are ended. shown: whether to show tracebacks; by default of
+    faults of the program alone.
+    """
+    warnings.formatwarning = lambda message, *_, **__: f"warning: {message}\n"
+    try:
+        status = main() or 0
+    except (InputError, StepFailed) as error:
+        if shown:
+            traceback.print_exc()
+        elif MPI.COMM_WORLD.rank == 0:
+            print(f"error: {error}", file=sys.stderr, flush=True)
+        status = 2 if isinstance(error, InputError) else 1
+    except KeyboardInterrupt:
+        status = 130
+    except Exception as error:
+        if shown is False:
+            what = f"{type(error).__name__}: {error}"
+            hint = "--traceback shows where, and 'fabric-fenicsx doctor' whether something is missing"
+            print(f"error: {what} ({hint}).", file=sys.stderr, flush=True)
+        else:
+            traceback.print_exc()
+        if MPI.COMM_WORLD.size > 1:
+            # the other ranks may be waiting for this one
+            MPI.COMM_WORLD.Abort(1)
+        status = 1
+    sys.exit(status)

@@ -1,0 +1,1 @@
+"""Histories, fields, pictures, plots."""

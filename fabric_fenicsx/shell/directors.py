@@ -1,0 +1,254 @@
+"""Unit directors at nodes, turned by two angles each, without a limit (5.43)-(5.55).
+
+A shell's weak form is written in the mid-surface displacement u and the director d, six numbers a node:
+strains are then polynomials. But a director has unit length, so the solver's unknown is the
+displacement and two angles theta, about which d turns from the director d0 of the last commit,
+
+    d = cos|t| d0 + sin|t|/|t| t,    t = theta_1 e1 + theta_2 e2,    (e1, e2, d0) orthonormal,
+
+((5.43) to (5.46), sign of the last term mended). A commit makes d the new d0, so a step may turn by
+anything less than half a turn, and a strip may roll up as often as it likes. Between nodes d is
+interpolated, as in Chapter 5: strains do not change when the whole shell turns.
+"""
+
+import basix.ufl
+import numpy as np
+import ufl
+from mpi4py import MPI
+from dolfinx import fem, la, mesh
+from petsc4py import PETSc
+
+from ..errors import InputError
+from ..laws import Array
+from . import rotation
+
+ELEMENTS = {
+    "regge": ("triangle", ("Lagrange", 2), ("CR", 1), 2),
+    "p2cr1": ("triangle", ("Lagrange", 2), ("CR", 1), 2),
+    "mitc4": ("quadrilateral", ("Lagrange", 1), ("Lagrange", 1), 2),
+    "q1": ("quadrilateral", ("Lagrange", 1), ("Lagrange", 1), 1),
+}
+"""Name -> cell, element of the displacement, element of the director, degree of the rule for shear.
+
+"regge" is the default on triangles, quadratic in displacement, with directors at the middles of the edges;
+"p2cr1" is the same with the strain of the displacement itself, which locks. "mitc4" is the default on
+quadrilaterals, bilinear, with assumed shear and membrane strains (see `assumed_strain`); below a thickness of 1e-4
+of the length it needs a fine mesh or a regular one. "q1" is the thesis's element, with the strains of the
+displacement and transverse shear at one point: it locks on skewed meshes, and a pattern of a sheet, nodes that go up
+and down by turns, costs it no energy; pins at the corners may not stop it.
+"""
+
+ASKEW = 0.3
+"""Sine of the angle by which a normal may miss its plane of symmetry; half the turn of the surface within a cell."""
+
+DEGREE = 2
+"""Of the quadrature rule on which strains and law of a shell are taken."""
+
+
+class ShellSpace:
+    """The spaces of a shell on a surface mesh, and its directors.
+
+    V: displacement and director (u, d), in which forms are written. W: displacement and angles
+    (u, theta), in which the solver solves. `normal`: the reference directors, a Function.
+
+    element: a name in `ELEMENTS`, by default the first for the cells of the mesh. dx, dx_shear: measures of
+    its strains and of its transverse shear.
+
+    Raises InputError, on every rank, for a mesh that is not a surface in space, another cell, cells that
+    are more curved than the element can turn, or neighbours with opposite normals.
+    """
+
+    def __init__(self, domain: mesh.Mesh, element: str | None = None) -> None:
+        cell = domain.basix_cell()
+        if domain.topology.dim != 2 or domain.geometry.dim != 3:
+            raise InputError("A shell needs a surface mesh in space: read the mesh with gdim=3.")
+        fitting = [name for name, (needed, *_) in ELEMENTS.items() if needed == cell.name]
+        self.element = element or fitting[0]
+        if self.element not in fitting:
+            raise InputError(f"Element {element!r} is not one for {cell.name}s, which are: {', '.join(fitting)}.")
+        _, (u_family, u_degree), (d_family, d_degree), self.shear_degree = ELEMENTS[self.element]
+        if domain.geometry.cmaps[0].degree > u_degree:
+            # no displacement would turn the sheet as a whole
+            raise InputError(f"Element {self.element!r} needs cells of order {u_degree} at most; mesh in that order.")
+        self.dx, self.dx_shear = (
+            ufl.Measure("dx", domain, metadata={"quadrature_degree": degree, "quadrature_scheme": "default"})
+            for degree in (DEGREE, self.shear_degree)
+        )
+        if self.shear_degree == 1:
+            # a kernel of its own: in one with another rule, FFCx 0.11 takes what it computes for a single point as
+            # constant in the cell, and uses it at the points of the other rule too
+            cells = np.arange(domain.topology.index_map(2).size_local, dtype=np.int32)
+            self.dx_shear = self.dx_shear(subdomain_data=[(1, cells)], subdomain_id=1)
+        displacement = basix.ufl.element(u_family, cell, u_degree, shape=(3,))
+        director, angles = (basix.ufl.element(d_family, cell, d_degree, shape=(n,)) for n in (3, 2))
+        self.mesh = domain
+        self.V = fem.functionspace(domain, basix.ufl.mixed_element([displacement, director]))
+        self.W = fem.functionspace(domain, basix.ufl.mixed_element([displacement, angles]))
+
+        # the same cell's unknowns in V and W, one after the other
+        V, W = self.V.dofmap.list, self.W.dofmap.list
+        split = V.shape[1] - 3 * (V.shape[1] - W.shape[1])
+        self._u = np.unique(np.column_stack([V[:, :split].ravel(), W[:, :split].ravel()]), axis=0)
+        in_v, in_w = V[:, split:].reshape(-1, 3), W[:, split:].reshape(-1, 2)
+        _, first = np.unique(in_v[:, 0], return_index=True)
+        self.nodes, self._theta = in_v[first], in_w[first]
+        """Unknowns of each local node: of its director in V (nodes, 3), of its angles in W (nodes, 2)."""
+        self._owned = self.nodes[:, 0] < self.V.dofmap.index_map.size_local
+
+        directors, in_v = self.V.sub(1).collapse()
+        self.normal = fem.Function(directors, name="normal")
+        self._in_v = in_v[0]
+        self._start = self._normals()
+        self.frame = rotation.frames(self._start)
+        """(e1, e2, d0) of each node at the last commit, (nodes, 3, 3)."""
+        self._angles = np.zeros((len(self.nodes), 2))
+        self._derivative = np.empty((len(self.nodes), 2, 3))
+        self._map = self._transformation()
+
+    def function(self) -> fem.Function:
+        """A new (u, d) in V at rest: no displacement, the reference directors."""
+        q = fem.Function(self.V)
+        q.x.array[self.nodes] = self._start
+        return q
+
+    def _normals(self) -> Array:
+        """Unit normals at the director nodes (nodes, 3), the mean over the cells that share one."""
+        space = self.normal.function_space
+        points = space.element.interpolation_points
+        rule = {"quadrature_rule": "custom", "quadrature_points": points, "quadrature_weights": np.ones(len(points))}
+        # at its own node a basis function is 1, and at the others 0
+        n = ufl.inner(ufl.CellNormal(self.mesh), ufl.TestFunction(space)) / ufl.JacobianDeterminant(self.mesh)
+        sums = fem.assemble_vector(fem.form(n * ufl.dx(metadata=rule | {"quadrature_degree": 1})))
+        sums.scatter_reverse(la.InsertMode.add)
+        sums.scatter_forward()
+        sums = sums.array.reshape(-1, 3)
+        # two cells of opposite orientation cancel out
+        opposed = (np.linalg.norm(sums, axis=1) < 1e-3).any()
+        if self.mesh.comm.allreduce(bool(opposed), MPI.LOR):
+            raise InputError("The normals of neighbouring cells are opposite: orient all cells of the sheet alike.")
+        self.normal.x.array[:] = rotation.unit(sums).ravel()
+        values = fem.Function(self.V).x.array
+        values[self._in_v] = self.normal.x.array
+        return values[self.nodes]
+
+    def _transformation(self) -> PETSc.Mat:
+        """The matrix d(u, d)/d(u, theta), V rows by W columns; `turn` fills in the directors' part."""
+        matrix = PETSc.Mat().create(self.mesh.comm)
+        maps = [space.dofmap.index_map for space in (self.V, self.W)]
+        matrix.setSizes([[m.size_local, m.size_global] for m in maps])
+        matrix.setType(PETSc.Mat.Type.AIJ)
+        matrix.setPreallocationNNZ((2, 0))
+        indices = [m.local_to_global(np.arange(m.size_local + m.num_ghosts, dtype=np.int32)) for m in maps]
+        matrix.setLGMap(*(PETSc.LGMap().create(i.astype(PETSc.IntType), comm=self.mesh.comm) for i in indices))
+        owned = self._u[self._u[:, 0] < maps[0].size_local].astype(PETSc.IntType)
+        matrix.setValuesLocalRCV(owned[:, :1], owned[:, 1:], np.ones((len(owned), 1)))
+        rows = self.nodes[self._owned].reshape(-1, 1).astype(PETSc.IntType)
+        self._rows, self._columns = rows, np.repeat(self._theta[self._owned], 3, axis=0).astype(PETSc.IntType)
+        matrix.setValuesLocalRCV(self._rows, self._columns, np.zeros(self._columns.shape))
+        matrix.assemble()
+        return matrix
+
+    def axes(self) -> tuple[Array, Array]:
+        """e1 and d0 of each node's frame, as local arrays of V with zeros elsewhere."""
+        values = np.zeros((2, len(self.function().x.array)))
+        values[0][self.nodes], values[1][self.nodes] = self.frame[:, 0], self.frame[:, 2]
+        return values[0], values[1]
+
+    def set_axes(self, e1: Array, d0: Array) -> None:
+        """Lay the frames along these, as `axes` gives them."""
+        e1, d0 = e1[self.nodes], d0[self.nodes]
+        self.frame = np.stack([e1, np.cross(d0, e1), d0], axis=1)
+
+    def at_rest(self, q: Array) -> Array:
+        """The local array of W that has the displacements of q, and no angles."""
+        values = np.zeros(2 * len(self._theta) + len(self._u))
+        values[self._u[:, 1]] = q[self._u[:, 0]]
+        return values
+
+    def rate(self, v: Array) -> Array:
+        """A velocity v of (u, d), at the directors of the last commit, as a local array of W."""
+        values = self.at_rest(v)
+        values[self._theta] = np.einsum("nj,naj->na", v[self.nodes], self.frame[:, :2])
+        return values
+
+    # -- what a solver asks for --------------------------------------------------------------------------
+
+    def turn(self, y: fem.Function, q: fem.Function) -> PETSc.Mat:
+        """Set q = (u, d) from y = (u, theta), and return dq/dy; ghosts of y are up to date."""
+        q.x.array[self._u[:, 0]] = y.x.array[self._u[:, 1]]
+        self._angles = y.x.array[self._theta]
+        d, self._derivative = rotation.turned(self.frame, self._angles)
+        q.x.array[self.nodes] = d
+        values = self._derivative[self._owned].transpose(0, 2, 1).reshape(-1, 2)
+        self._map.setValuesLocalRCV(self._rows, self._columns, np.ascontiguousarray(values))
+        self._map.assemble()
+        return self._map
+
+    def add_curvature(self, matrix: PETSc.Mat, force: PETSc.Vec) -> None:
+        """Add r . d2d/dtheta2, what the director's own curvature contributes to a Jacobian in W.
+
+        force: residual in V, at the last `turn`.
+        """
+        r = force.array_r[self.nodes[self._owned]]
+        second = rotation.second(self.frame[self._owned], self._angles[self._owned], r)
+        nodes = self.W.dofmap.index_map.local_to_global(self._theta[self._owned].astype(np.int32).ravel())
+        nodes = nodes.astype(PETSc.IntType).reshape(-1, 2)
+        for a in range(2):
+            rows = np.repeat(nodes[:, a : a + 1], 2, axis=0)
+            matrix.setValuesRCV(rows, nodes.reshape(-1, 1), second[:, a].reshape(-1, 1), addv=True)
+        matrix.assemble()
+
+    def commit(self, y: fem.Function) -> None:
+        """Make the turned directors the new start; the angles of y become zero."""
+        self.frame = rotation.carried(self.frame, rotation.turned(self.frame, self._angles)[0])
+        y.x.array[self._theta] = 0.0
+
+    def supports(self, bcs: list[fem.DirichletBC]) -> np.ndarray:
+        """The owned unknowns of W that these conditions on V give; `targets` tells their values.
+
+        All three components of a director given: it is held, or led, as a whole. One component given:
+        the director turns in the plane across that axis only (a plane of symmetry); two: in neither plane
+        (a corner). Called once, before the first step: it lays the frames along those axes, and the
+        reference directors into those planes, which a mesh meets only nearly.
+
+        Raises InputError, on every rank, where the director is further from that plane than `ASKEW`.
+        """
+        given = np.zeros(len(self.function().x.array), dtype=bool)
+        for bc in bcs:
+            given[bc.dof_indices()[0]] = True
+        which = given[self.nodes]
+        count = which.sum(axis=1)
+        partly = np.flatnonzero((count == 1) | (count == 2))
+        d = self.frame[partly, 2]
+        astray = bool((np.abs(d[which[partly]]) > ASKEW).any())
+        if self.mesh.comm.allreduce(astray, MPI.LOR):
+            raise InputError("A director is held in a plane (one component given) that it does not lie in.")
+        axes = np.eye(3)[which[partly].argmax(axis=1)]
+        d0 = rotation.unit(np.where(which[partly], 0.0, d))
+        self.frame[partly] = np.stack([axes, np.cross(d0, axes), d0], axis=1)
+        # strains are measured from `normal`: it must be the directors' start, else the shell is stressed at rest
+        self._start[partly] = d0
+        self.normal.x.array[:] = self.function().x.array[self._in_v]
+        size = self.W.dofmap.index_map.size_local
+        moved = self._u[given[self._u[:, 0]], 1]
+        fixed = np.concatenate([moved, self._theta[count >= 2].ravel(), self._theta[count == 1, 0]])
+        self._led = np.flatnonzero(count >= 2)
+        self._led_given = which[self._led]
+        return np.unique(fixed[fixed < size]).astype(np.int32)
+
+    def targets(self, bcs: list[fem.DirichletBC], y: fem.Function) -> Array:
+        """Values in W that meet the present values of the conditions; zero elsewhere."""
+        values = np.zeros(len(self.function().x.array))
+        for bc in bcs:
+            bc.set(values)
+        result = np.zeros_like(y.x.array)
+        result[self._u[:, 1]] = values[self._u[:, 0]]
+        frame = self.frame[self._led]
+        # two components given: the third is the director's own (a corner of two planes of symmetry)
+        d = rotation.unit(np.where(self._led_given, values[self.nodes[self._led]], frame[:, 2]))
+        along = np.einsum("nij,nj->ni", frame, d)
+        sine = np.linalg.norm(along[:, :2], axis=1)
+        angle = np.arctan2(sine, along[:, 2])
+        scale = np.divide(angle, sine, out=np.ones_like(sine), where=sine > 0)
+        result[self._theta[self._led]] = along[:, :2] * scale[:, None]
+        return result

@@ -1,0 +1,1 @@
+"""Equilibrium and motion: PETSc's SNES and TS, continuation, energies, checkpoints."""

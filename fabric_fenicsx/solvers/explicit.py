@@ -1,0 +1,269 @@
+"""Explicit dynamics: Newmark with beta = 0, gamma = 1/2 (central differences) as a PETSc TS, with lumped mass.
+
+Nothing is solved for, and no tangent is compiled. Mass is lumped, see `motion.Motion.lump`. Directors turn on their
+sphere by the angle of a step.
+"""
+
+import math
+import time
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any
+
+import numba
+import numpy as np
+from dolfinx import fem, la
+from petsc4py import PETSc
+from ufl.form import Form
+
+from ..errors import InputError, StepFailed
+from ..laws import Array
+from ..terms.hook import LawHook, plain
+from ..terms.work import InternalWork
+from . import stable_step
+from .continuation import Step, progress_bar
+from .motion import Motion
+from .stepper import Stepper
+
+SAFETY = 0.9
+"""Step as a part of the largest stable one."""
+WEIGH = 20
+"""Steps from one entry of the ledger to the next."""
+
+
+class CentralDifference(Stepper):
+    """M a + residual(q, velocity) = 0 at the start of every step; a Python type of PETSc's TS, which is `ts`.
+
+    motion, residual, bcs, hooks, works, set_load, start: as for `newmark.Newmark`. Directors should have the inertia
+    of a cell (`Sheet.mass`): with that of the thickness the step is shorter by half.
+
+    `stable` is the largest stable step in s, 2/omega of the fastest oscillation with the stiffest tangent that the law
+    tells (`stiffest`, else the one at rest) on the present shape, by power iteration.
+    """
+
+    def __init__(
+        self,
+        motion: Motion,
+        residual: Form | int,
+        bcs: Sequence[fem.DirichletBC],
+        hooks: Sequence[LawHook] = (),
+        set_load: Callable[[float], None] = lambda t: None,
+        start: float = 0.0,
+        works: Sequence[InternalWork] = (),
+    ) -> None:
+        super().__init__(motion, bcs, set_load, start)
+        self.hooks = (*hooks, *(work.hook for work in works if work.hook is not None))
+        self.works, self.q, self.V = tuple(works), motion.q, motion.q.function_space
+        self._form: fem.Form | None = None
+        self._dead: list[Any] | None = None
+        if isinstance(residual, Form):
+            residual = plain(residual, self.hooks)
+            self._form, given = fem.form(residual), [*residual.constants(), *residual.coefficients()]
+            moving = {self.q, motion.velocity, *(hook.stress.ref_coefficient for hook in self.hooks)}
+            self._dead = None if moving.intersection(given) else given
+        self._load, self._known = np.zeros_like(self.q.x.array), np.full(1, np.nan)
+        self._force = la.vector(self.V.dofmap.index_map, self.V.dofmap.index_map_bs)
+        self._given_v = self._given_a = np.zeros(len(motion.given))
+        self.directors = np.empty((0, 3), dtype=np.int32) if motion.space is None else motion.space.nodes
+        self._displacements = np.setdiff1d(np.arange(len(self.q.x.array), dtype=np.int32), self.directors.ravel())
+        self.mass = motion.lump()
+        if self.comm.allreduce(bool((self.mass <= 0.0).any())):
+            raise InputError("Explicit motion needs directors with inertia: leave the rotary part of the mass in.")
+        self.stable = stable_step.find(self)
+        lumped = fem.Function(self.V)
+        lumped.x.array[:] = self.mass
+        motion.mass = PETSc.Mat().createDiagonal(lumped.x.petsc_vec.copy())
+
+    def lay(self, values: Array, q: Array) -> None:
+        """Take from directors' values what is along the directors of q."""
+        _lay(values, q, self.directors)
+
+    # -- what a checkpoint asks for -------------------------------------------------------------------------------
+
+    def fields(self) -> tuple[fem.FunctionSpace, list[tuple[str, str, Array]]]:
+        """The arrays of the last step; see `checkpoint`."""
+        motion = self.motion
+        moved = zip(("q", "v", "a"), (self.q, motion.velocity, motion.acceleration), strict=True)
+        result = [(name, "unknowns", function.x.array) for name, function in moved]
+        for k, hook in enumerate(self.hooks):
+            result.append((f"history{k}", "cells", hook.history.committed.reshape(-1)))
+        return self.V, result
+
+    def renew(self) -> None:
+        """Go on from what has been put into `fields` and `numbers`."""
+        self.set_load(self.time)
+        self.evaluate()
+        self._go_on()
+
+    _weighs = True
+
+    # -- a step ---------------------------------------------------------------------------------------------------
+
+    @property
+    def owned(self) -> int:
+        """Number of the unknowns that are this rank's own; they come first."""
+        return int(self.V.dofmap.index_map.size_local * self.V.dofmap.index_map_bs)
+
+    def evaluate(self) -> Array:
+        """Residual at the present q and velocity, local array, complete on ghosts too."""
+        for hook in self.hooks:
+            hook.evaluate(tangent=False)
+        force = self._force.array
+        force[:] = self._loads()
+        for work in self.works:
+            work.add_force(force)
+        self._force.scatter_reverse(la.InsertMode.add)
+        self._force.scatter_forward()
+        return np.asarray(force)
+
+    def _loads(self) -> Array:
+        """What is not in `works`; dead loads are assembled anew only where they have changed."""
+        if self._form is None:
+            return self._load
+        if self._dead is not None:
+            parts = [np.ravel(c.value) if isinstance(c, fem.Constant) else c.x.array for c in self._dead]
+            known = np.concatenate([*parts, [0.0]])
+            if np.array_equal(known, self._known):
+                return self._load
+            self._known = known
+        self._load[:] = 0.0
+        fem.assemble_vector(self._load, self._form)
+        return self._load
+
+    def step(self, ts: PETSc.TS) -> None:
+        """One step of `ts`'s length; never raises."""
+        motion, dt = self.motion, ts.getTimeStep()
+        q, v, a = self.q.x.array, motion.velocity.x.array, motion.acceleration.x.array
+        v += 0.5 * dt * a
+        _drift(q, v, self._displacements, self.directors, dt)
+        self.time += dt
+        self._move_supports(dt)
+        force = self.evaluate()
+        np.divide(force, self.mass, out=a)
+        a *= -1.0
+        if motion.damping > 0.0:
+            a -= motion.damping * v
+        a[motion.given] = self._given_a
+        self.lay(a, q)
+        v += 0.5 * dt * a
+        v[motion.given] = self._given_v
+        if self.ledger is not None and self._weighs:
+            self.ledger.weigh()
+            self.ledger.accept()
+        for hook in self.hooks:
+            hook.commit()
+        ts.setTime(self.time)
+
+    def forces(self) -> Array:
+        """M a + residual in N at the owned unknowns: at supports, the reactions."""
+        total = self._force.array + self.mass * (
+            self.motion.acceleration.x.array + self.motion.damping * self.motion.velocity.x.array
+        )
+        return np.asarray(total[: self.owned])
+
+    def lag(self) -> float:
+        """Energy in J, on this rank, by which the kinetic one at a step is ahead of what the scheme keeps.
+
+        Over a step the kinetic energy and the work of inertia, by the trapezoidal rule, differ by its change.
+        """
+        a = self.motion.acceleration.x.array[: self.owned]
+        return self.ts.getTimeStep() ** 2 / 8 * float(np.sum(self.mass[: self.owned] * a * a))
+
+    def _move_supports(self, dt: float) -> None:
+        """Given values at the present time, and their velocity and acceleration."""
+        now, self._given_v, self._given_a = self.given_motion(self.time, dt)
+        self.q.x.array[self.motion.given] = now
+
+    def begin(self, dt: float) -> None:
+        """Find the acceleration with which the motion starts."""
+        motion = self.motion
+        self._move_supports(dt)
+        motion.velocity.x.array[motion.given] = self._given_v
+        a = motion.acceleration.x.array
+        a[:] = -self.evaluate() / self.mass - motion.damping * motion.velocity.x.array
+        a[motion.given] = self._given_a
+        self.lay(a, self.q.x.array)
+        if self.ledger is not None:
+            self.ledger.start()
+        self._began = True
+
+    def march(self, end: float, every: float, dt: float | None = None, progress: str | None = None) -> Iterator[Step]:
+        """Go on to the time `end`; yields a `Step` each `every` seconds, its load being the time.
+
+        dt: the step in s, by default `SAFETY` of the stable one, or a little less to meet `every`. Raises
+        InputError for a step that is not stable; StepFailed, on every rank and with q at the last `every`
+        that was good, once the motion is not finite or gains energy out of nothing.
+        """
+        if dt is not None and not 0.0 < dt <= self.stable:
+            raise InputError(f"A step of {dt!r} s is not stable: the largest is {self.stable:.3g} s.")
+        steps = max(1, round((end - self.time) / every))
+        parts = math.ceil(every / (dt or SAFETY * self.stable) * (1 - 1e-12))
+        self.ts.setTimeStep(every / parts)
+        if not self._began:
+            self.begin(every / parts)
+        with progress_bar(steps, progress, self.comm) as bar:
+            for _ in range(steps):
+                clock, begun = time.perf_counter(), self.time
+                good = [array.copy() for array in self._arrays()]
+                for part in range(1, parts + 1):
+                    self._weighs = part % WEIGH == 0 or part == parts
+                    self.ts.step()
+                self._weighs = True
+                self.time = begun + every
+                self._judge(good, begun)
+                self.number += 1
+                bar.set_postfix_str(f"t={self.time:.4g} s{self._balance()}", refresh=False)
+                bar.update()
+                self.stop_if_interrupted()
+                yield Step(self.number, self.time, parts, 0, time.perf_counter() - clock)
+
+    def _arrays(self) -> list[Array]:
+        motion = self.motion
+        return [f.x.array for f in (self.q, motion.velocity, motion.acceleration)] + [
+            hook.history.committed for hook in self.hooks
+        ]
+
+    def _judge(self, good: list[Array], begun: float) -> None:
+        """Raise StepFailed if the motion is no longer one, with the last good state in place."""
+        kinetic = self.motion.kinetic()
+        said = None
+        if not math.isfinite(kinetic):
+            said = "the motion is not finite"
+        elif self.ledger is not None and abs(self.ledger.totals["imbalance"]) > 0.2 * max(self.ledger.most, 1e-300):
+            said = f"energy came from nowhere: {-self.ledger.totals['imbalance']:.3g} of {self.ledger.most:.3g} J"
+        if said is None:
+            return
+        for array, before in zip(self._arrays(), good, strict=True):
+            array[:] = before
+        reached, self.time = self.time, begun
+        raise StepFailed(
+            f"Explicit motion failed between {begun:.6g} and {reached:.6g} s: {said}. The step, "
+            f"{self.ts.getTimeStep():.3g} s, is too large for what the sheet has become; take a smaller one."
+        )
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _drift(q, v, displacements, directors, dt):
+    """Move q by a step of v, directors on their sphere; their velocity is carried along."""
+    for i in displacements:
+        q[i] += dt * v[i]
+    for node in directors:
+        square = 0.0
+        for i in node:
+            square += (dt * v[i]) ** 2
+        angle = math.sqrt(square)
+        c, s = math.cos(angle), math.sin(angle) / angle if angle > 1e-4 else 1.0 - square / 6
+        for i in node:
+            d, turn = q[i], dt * v[i]
+            q[i] = c * d + s * turn
+            v[i] = (c * turn - square * s * d) / dt
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _lay(values, q, directors):
+    for node in directors:
+        along = size = 0.0
+        for i in node:
+            along += values[i] * q[i]
+            size += q[i] * q[i]
+        for i in node:
+            values[i] -= along / size * q[i]

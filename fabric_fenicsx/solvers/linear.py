@@ -1,0 +1,119 @@
+"""How the linear system of a Newton iteration is solved: PETSc options, and what its solvers are to know of a sheet."""
+
+import itertools
+
+import numpy as np
+from dolfinx import fem, la
+from petsc4py import PETSc
+
+from ..shell.directors import ShellSpace
+
+Options = dict[str, object]
+"""None: not given, where another has been."""
+
+DIRECT: Options = {"ksp_type": "preonly", "pc_type": "lu", "pc_factor_mat_solver_type": "mumps"}
+"""LU by MUMPS, the default: few entries of a surface fill in; 340 x 340 cells take 7.1 GB."""
+
+# rows of given unknowns make any stiffness non-symmetric; from the right, it is true forces that become small
+GMRES: Options = {"ksp_type": "gmres", "ksp_pc_side": "right", "ksp_gmres_restart": 100}
+
+LAGGED = DIRECT | GMRES | {"ksp_rtol": 1e-4, "ksp_max_it": 100, "snes_lag_preconditioner": 10}
+"""One LU a step of `newmark`, that of its first Newton iteration, goes on to serve GMRES.
+
+Drape of blend, processor time of a Newton iteration: 0.51 s instead of 0.66 on 80 x 80 cells; no gain on 40 x 40.
+"""
+
+ITERATIVE: Options = GMRES | {
+    "ksp_rtol": 1e-6,
+    "ksp_max_it": 500,
+    "pc_type": "gamg",
+    "pc_factor_mat_solver_type": None,
+    "pc_mg_cycle_type": "w",
+    "mg_levels_ksp_type": "richardson",
+    "mg_levels_pc_type": "sor",
+    "mg_levels_ksp_max_it": 2,
+    # unknowns of a coarse grid that no rigid motion moves
+    "mg_levels_pc_sor_diagonal_shift": 1e-12,
+}
+"""GMRES with smoothed aggregation, which keeps `RigidMotions`.
+
+Iterations on 20 x 20, 40 x 40 and 80 x 80 cells, elastic sheet at rest, "mitc4": flat, 49, 60, 54 for h/L = 1e-2 and
+34, 49, 63 for 1e-4; stretched by 0.5 %, 25, 31, 29 and 9, 15, 20. "regge" takes two to three times as many. Without
+rigid motions, the flat sheet of 40 x 40 cells is not solved by 500. LU takes a third to a tenth of the time.
+"""
+
+IN_MOTION = ITERATIVE | {"ksp_rtol": 1e-4, "pc_gamg_agg_nsmooths": 0}
+"""The same for `newmark`, whose mass helps: aggregation that is not smoothed is set up in a third of the time.
+
+Drape of blend, "mitc4", step 5 ms: 5.0, 6.5, 8.6 iterations on 20 x 20, 40 x 40 and 80 x 80 cells, in the time of
+LU; on 340 x 340, 26 in 1.2 times its time, and 5.6 GB instead of 7.1. With "regge" LU takes a third of the time.
+"""
+
+
+_number = itertools.count()
+
+
+def configure(snes: PETSc.SNES, A: PETSc.Mat, options: Options) -> None:
+    """Give a SNES its options, under a prefix of its own; A: its Jacobian.
+
+    MUMPS is told that a stiffness has a diagonal: it need look for no other, and scale by it. That saves a tenth to a
+    fifth of the time, and so does an ordering by least fill (AMF) for small sheets; from 10 000 unknowns on MUMPS's own
+    choice is better.
+    """
+    prefix = f"statics{next(_number)}_"
+    snes.setOptionsPrefix(prefix)
+    store = PETSc.Options(prefix)
+    for name, value in options.items():
+        if value is not None:
+            store[name] = value
+    snes.setFromOptions()
+    pc = snes.ksp.getPC()
+    if pc.getType() == "lu" and pc.getFactorSolverType() == "mumps":
+        snes.ksp.setOperators(A)
+        pc.setFactorSetUpSolverType()
+        pc.getFactorMatrix().setMumpsIcntl(6, 0)
+        pc.getFactorMatrix().setMumpsIcntl(8, 1)
+        # on several ranks its tree is too slender: 1.2 times as fast on two, 1.65 with MUMPS's own (40 x 40 cells)
+        if A.size[0] < 10000 and A.comm.size == 1:
+            pc.getFactorMatrix().setMumpsIcntl(7, 2)
+
+
+class RigidMotions:
+    """Translations and rotations of a sheet, which do not strain it: the near-null space of its stiffness.
+
+    q: displacement, or (u, d) of the shell `space`; y: what is solved for, q or (u, angles). Rotations turn
+    displacements about the origin and directors with them, as they are at the time of `give`.
+    """
+
+    def __init__(self, q: fem.Function, y: fem.Function, space: ShellSpace | None) -> None:
+        self._q, self._space = q, space
+        V = q.function_space
+        U, dofs = (V, np.arange(len(q.x.array))) if space is None else V.sub(0).collapse()
+        self._size = V.mesh.geometry.dim
+        self._dofs = np.array(dofs).reshape(-1, self._size)
+        self._places = U.tabulate_dof_coordinates()[:, : self._size]
+        count = self._size * (self._size + 1) // 2
+        self._motions = [fem.Function(y.function_space) for _ in range(count)]
+
+    def give(self, A: PETSc.Mat, fixed: np.ndarray) -> None:
+        """Let the solvers of A know the motions; at the owned unknowns `fixed`, which are given, they are 0."""
+        n = self._size
+        x = self._places + self._q.x.array[self._dofs]
+        moves = [(np.eye(n)[k], np.zeros((n, n))) for k in range(n)]
+        for i in range(n):
+            for j in range(i):
+                spin = np.zeros((n, n))
+                spin[i, j], spin[j, i] = 1.0, -1.0
+                moves.append((np.zeros(n), spin))
+        for motion, (shift, spin) in zip(self._motions, moves, strict=True):
+            v = np.zeros(len(self._q.x.array))
+            v[self._dofs] = shift + x @ spin.T
+            if self._space is not None:
+                v[self._space.nodes] = self._q.x.array[self._space.nodes] @ spin.T
+                v = self._space.rate(v)
+            v[fixed] = 0.0
+            motion.x.array[:] = v
+        la.orthonormalize([motion.x for motion in self._motions])
+        A.setNearNullSpace(
+            PETSc.NullSpace().create(vectors=[motion.x.petsc_vec for motion in self._motions], comm=A.comm)
+        )

@@ -1,0 +1,297 @@
+"""Newton's method by PETSc SNES for one load step; `march` and `continuation` go through many."""
+
+import weakref
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+from mpi4py import MPI
+from dolfinx import fem
+from dolfinx.fem import petsc as fempetsc
+from petsc4py import PETSc
+from ufl.form import Form
+
+from ..errors import InputError, StepFailed
+from ..shell.directors import ShellSpace
+from ..terms.hook import LawHook, derive, forget_traversals
+from ..terms.work import InternalWork, assemble, matrix
+from . import linear
+from .continuation import Step as Step
+from .continuation import march as march
+
+OPTIONS = {"snes_linesearch_type": "basic", "snes_max_it": 25} | linear.DIRECT
+"""PETSc options of `StaticSolver` that a user may override."""
+
+
+def _weak(method: Callable[..., Any]) -> Callable[..., Any]:
+    """A callback that does not keep its owner alive: PETSc's reference closes a cycle that Python cannot see."""
+    reference = weakref.WeakMethod(method)
+    return lambda *arguments: reference()(*arguments)  # type: ignore[misc]
+
+
+class StaticSolver:
+    """Equilibrium residual(u) = 0 at the present loads and Dirichlet values.
+
+    residual: UFL form, a sum of the terms of `weakform`, linear in a test function. u: the unknown; for
+    a shell, (u, d) of `space`, whose directors the solver then turns. bcs: Dirichlet conditions on the
+    space of u, whose values may change between solves. hooks: every `LawHook` whose stress is in
+    the residual. works: internal work of a shell that is added to the residual, hooks and all, with its stiffness in
+    batches; the rest of the residual may be 0. rtol: a step is solved when the residual at the free unknowns is below
+    rtol times the largest nodal force or support force so far, or the last correction below 1e-9 of the displacement.
+    options: PETSc options, over `OPTIONS`; for a sheet too large for the default, `linear.ITERATIVE`.
+
+    Public: the SNES itself, `snes`; the compiled forms of what is not in `works`, `residual_form` and `jacobian_form`.
+    """
+
+    def __init__(
+        self,
+        residual: Form | int,
+        u: fem.Function,
+        bcs: Sequence[fem.DirichletBC],
+        hooks: Sequence[LawHook] = (),
+        rtol: float = 1e-6,
+        options: dict[str, object] | None = None,
+        space: ShellSpace | None = None,
+        works: Sequence[InternalWork] = (),
+    ) -> None:
+        if not 0.0 < rtol < 1.0:
+            raise InputError(f"A relative tolerance of {rtol!r} is not between 0 and 1.")
+        self.u, self.rtol, self._shell, self._works = u, rtol, space, tuple(works)
+        self.hooks = (*hooks, *(work.hook for work in works if work.hook is not None))
+        self._bcs = list(bcs)
+        self.comm = u.function_space.mesh.comm
+        self._y = u if space is None else fem.Function(space.W)  # what is solved for: u, or (u, angles) of a shell
+        self._accepted = self._y.x.array.copy()
+        self.scale = self._size = self._push = 0.0
+        self._met, self._pushed = True, False
+        self._fault: Exception | None = None
+        self.residuals: list[float] = []
+        """Norms of the residual in the last solve, N."""
+        self.linear_iterations = 0
+        """Of all solves so far; with LU, a linear system takes one."""
+        forms = derive(residual, u, tuple(hooks), self.rate) if isinstance(residual, Form) else (Form([]), Form([]))
+        # dead loads have no Jacobian
+        self.residual_form, self.jacobian_form = (fem.form(f) if f.integrals() else None for f in forms)
+        self._force = fempetsc.create_vector(u.function_space)
+        self._x, self._b = (fempetsc.create_vector(self._y.function_space) for _ in range(2))
+        every = np.arange(self._x.local_size) if space is None else np.array(space.W.sub(0).collapse()[1])
+        self.displacements = every[every < self._x.local_size]
+        """Owned unknowns that are displacements: of a shell, all but the angles."""
+        self._K = self._A = matrix(self._works) if works else fempetsc.create_matrix(self.jacobian_form)
+        if space is None:
+            owned = [dofs[:size] for dofs, size in (bc.dof_indices() for bc in bcs)]
+            self._given = np.unique(np.concatenate([np.empty(0, dtype=np.int32), *owned]))
+        else:
+            self._given = space.supports(self._bcs)
+            self._transformation = space.turn(self._y, u)
+            # the pattern of the product is made once, from a matrix that has its entries
+            self.assemble_stiffness()
+            self._A = self._K.ptap(self._transformation)
+        self._A.setOption(PETSc.Mat.Option.KEEP_NONZERO_PATTERN, True)
+        dofmap = self._y.function_space.dofmap
+        blocks, components = np.divmod(self._given, dofmap.index_map_bs)
+        rows = dofmap.index_map.local_to_global(blocks.astype(np.int32)) * dofmap.index_map_bs + components
+        self._given_rows, self._targets = rows.astype(PETSc.IntType), self._y.x.array
+
+        self.snes = PETSc.SNES().create(self.comm)
+        self.snes.setFunction(_weak(self._residual), self._b)
+        self.snes.setJacobian(_weak(self._jacobian), self._A)
+        self.snes.setConvergenceTest(_weak(self.converged))
+        linear.configure(self.snes, self._A, OPTIONS | (options or {}))
+        by_grids = self.snes.ksp.getPC().getType() == "gamg"
+        self._motions = linear.RigidMotions(u, self._y, space) if by_grids else None
+        # a step that ends in NaN would pass for converged where the correction before it was small
+        self.snes.setTolerances(stol=0.0)
+        forget_traversals()
+
+    def _take(self, x: PETSc.Vec) -> None:
+        """Set the unknowns from x."""
+        x.ghostUpdate(PETSc.InsertMode.INSERT, PETSc.ScatterMode.FORWARD)
+        fempetsc.assign(x, self._y)
+        if self._shell is not None:
+            self._shell.turn(self._y, self.u)
+
+    def _assemble_force(self) -> None:
+        """See `forces`."""
+        with self._force.localForm() as local:
+            local.set(0.0)
+            for work in self._works:
+                work.add_force(local.array_w)
+        if self.residual_form is not None:
+            fempetsc.assemble_vector(self._force, self.residual_form)
+        self._force.ghostUpdate(PETSc.InsertMode.ADD, PETSc.ScatterMode.REVERSE)
+
+    def _residual(self, snes: PETSc.SNES, x: PETSc.Vec, b: PETSc.Vec) -> None:
+        # never raise in here: whatever fails, on any rank, must fail the step on every rank
+        try:
+            self._take(x)
+            ok = all([hook.evaluate() for hook in self.hooks])
+        except Exception as error:
+            self._fault, ok = error, False
+        if self.comm.allreduce(ok, MPI.LAND):
+            self.assemble(x, b)
+        else:
+            b.set(np.nan)
+
+    def assemble(self, x: PETSc.Vec, b: PETSc.Vec) -> None:
+        """Residual b (N) at the last x and its stresses, under the present loads; gaps (m) at given unknowns."""
+        self._assemble_force()
+        if self._shell is None:
+            self._force.copy(b)
+        else:
+            self._transformation.multTranspose(self._force, b)
+        self._size = b.norm(PETSc.NormType.NORM_INFINITY)
+        gap = x.array_r[self._given] - self._targets[self._given]
+        b.array_w[self._given] = gap
+        met = np.abs(gap).max(initial=0.0) <= 1e-10 * x.norm(PETSc.NormType.NORM_INFINITY)
+        self._met = self.comm.allreduce(bool(met), MPI.LAND)
+
+    def assemble_stiffness(self) -> None:
+        """Derivative of the residual by u, before any condition."""
+        self._K.zeroEntries()
+        if self._works:
+            assemble(self._K, self._works)
+        if self.jacobian_form is not None:
+            fempetsc.assemble_matrix(self._K, self.jacobian_form)
+        self._K.assemble()
+        self._add_to_jacobian(self._K)
+
+    def _jacobian(self, snes: PETSc.SNES, x: PETSc.Vec, A: PETSc.Mat, P: PETSc.Mat) -> None:
+        self.assemble_stiffness()
+        if self._shell is not None:
+            self._K.ptap(self._transformation, result=A)
+            self._shell.add_curvature(A, self._force)
+        # rows only: given values that move need the columns
+        A.zeroRows(self._given_rows, 1.0)
+
+    rate: tuple[fem.Function, fem.Constant] | None = None  # of `step`: velocity, its derivative by u
+
+    def _add_to_jacobian(self, K: PETSc.Mat) -> None: ...  # of `step`
+
+    def _move_supports(self) -> int:
+        """Meet the given values by one linear step of the whole sheet, if they are not met; 1 if it was needed.
+
+        Newton then begins in a state that is strained smoothly, and its residual is made of forces alone.
+        """
+        gap = np.abs(self._x.array_r[self._given] - self._targets[self._given]).max(initial=0.0)
+        if self.comm.allreduce(float(gap), MPI.MAX) <= 1e-10 * self._x.norm(PETSc.NormType.NORM_INFINITY):
+            return 0
+        b = self.residual(self._x)
+        self.residuals.append(b.norm())
+        correction = b.duplicate()
+        ksp = self.factorised()
+        ksp.solve(b, correction)
+        if ksp.getConvergedReason() < 0:
+            raise self.failure("diverged_linear_solve")
+        self._x.axpy(-1.0, correction)
+        return 1
+
+    # -- the parts of Newton's method, also for one of another kind (`continuation`) -----------------------
+
+    def begin(self) -> PETSc.Vec:
+        """Forget the last solve; the unknowns at the present u."""
+        self.residuals, self._fault = [], None
+        self.aim()
+        fempetsc.assign(self._y, self._x)
+        if self._motions is not None:
+            self._motions.give(self._A, self._given)
+        return self._x
+
+    def aim(self) -> None:
+        """Take over the present Dirichlet values; angles are those from the last commit on."""
+        if self._shell is None:
+            self._targets = self._y.x.array.copy()
+            for bc in self._bcs:
+                bc.set(self._targets)
+        else:
+            self._targets = self._shell.targets(self._bcs, self._y)
+
+    def residual(self, x: PETSc.Vec) -> PETSc.Vec:
+        """Residual at x under the present loads, valid until the next; NaN, on every rank, if a law failed."""
+        self._residual(self.snes, x, self._b)
+        return self._b
+
+    def factorised(self) -> PETSc.KSP:
+        """What solves with the Jacobian at the last residual."""
+        self._jacobian(self.snes, self._x, self._A, self._A)
+        self.snes.ksp.setOperators(self._A)
+        return self.snes.ksp
+
+    def converged(self, snes: PETSc.SNES, iteration: int, norms: tuple[float, float, float]) -> int | None:
+        """SNES's test, with the norms of unknowns, last correction and residual."""
+        size, correction, residual = norms
+        self.residuals.append(residual)
+        # given displacements are in the norm in m, where a small one would pass for a small force
+        if iteration == 0 and self._pushed:  # nothing else tells the size of forces on a sheet without reactions
+            self._push, self._pushed = self._size, False
+        if self._met and residual <= self.rtol * max(self.scale, self._size, self._push):
+            return PETSc.SNES.ConvergedReason.CONVERGED_FNORM_RELATIVE
+        # a thin shell is so stiff in its surface that round-off alone can be more force than that
+        if self._met and iteration > 0 and correction <= 1e-9 * size:
+            return PETSc.SNES.ConvergedReason.CONVERGED_SNORM_RELATIVE
+        return None
+
+    def solve(self) -> int:
+        """Solve from the present u; the number of Newton iterations.
+
+        Raises on every rank, with u back at the last commit: StepFailed if Newton fails, RuntimeError if a law raised.
+        """
+        self.begin()
+        moved = self._move_supports()
+        self._pushed, self._push = self.rate is None and not moved, 0.0
+        self.snes.solve(None, self._x)
+        self.linear_iterations += self.snes.getLinearSolveIterations()
+        self._take(self._x)
+        reason = self.snes.getConvergedReason()
+        if reason > 0:
+            return moved + self.snes.getIterationNumber()
+        if reason == PETSc.SNES.ConvergedReason.DIVERGED_FUNCTION_NANORINF:
+            self.residuals.append(np.nan)  # PETSc has not asked `converged` about this one
+        raise self.failure(reasons.get(reason, str(reason)))
+
+    def failure(self, reason: str) -> StepFailed:
+        """What to raise when Newton's method has failed; restores. RuntimeError, on every rank, if a law raised."""
+        faults = [fault for fault in self.comm.allgather(self._fault and repr(self._fault)) if fault]
+        if faults:
+            self.restore()
+            raise RuntimeError(f"A law must not raise, but one did: {faults[0]}.") from self._fault
+        worst = max(self.comm.allgather(max((hook.worst() for hook in self.hooks), default=(0.0, ""))))
+        self.restore()
+        norms = [f"{norm:.2e}" for norm in self.residuals]
+        history = ", ".join(norms if len(norms) <= 8 else [*norms[:4], "...", *norms[-4:]])
+        where = f"; largest strain in {worst[1]}" if worst[1] else ""
+        return StepFailed(f"Newton's method failed ({reason}); residuals in N: {history}{where}")
+
+    def commit(self) -> None:
+        """Accept the present u: the only call that moves the past."""
+        for hook in self.hooks:
+            hook.evaluate()  # the last residual need not have been at the accepted u
+            hook.commit()
+        if self._shell is not None:
+            self._shell.commit(self._y)
+        self._accepted = self._y.x.array.copy()
+        self.scale = max(self.scale, self._size, self._push)
+
+    def restore(self) -> None:
+        """Back to the last commit."""
+        self._y.x.array[:] = self._accepted
+        if self._shell is not None:
+            self._shell.turn(self._y, self.u)
+        for hook in self.hooks:
+            hook.evaluate()
+
+    def forces(self) -> np.ndarray:
+        """Residual in N at the owned unknowns of u, with no condition applied: at supports, the reactions."""
+        self._assemble_force()
+        return np.array(self._force.array_r)
+
+    def reaction(self, dofs: np.ndarray) -> float:
+        """Sum of the forces (N) that the supports exert on these local unknowns, over all ranks.
+
+        dofs: of one component, as `supports.unknowns` gives them. To be called on every rank, at a solved u.
+        """
+        owned = dofs[dofs < self._force.local_size]
+        return float(self.comm.allreduce(self.forces()[owned].sum()))
+
+
+reasons = {value: name.lower() for name, value in vars(PETSc.SNES.ConvergedReason).items() if isinstance(value, int)}

@@ -1,0 +1,157 @@
+"""The compiled part of `work`: strains, forces and stiffness of a shell's cells, many side by side.
+
+They share one file because Numba's cache looks at the file of a function, not at what it calls. A batch is a tuple:
+M (blocks, points, terms, LANES), padded by zeros; spans (strains, 2), first and last pair of each strain; pairs
+(pairs, 2); start (cells, nodes - 1, 3), places at rest as seen from a cell's first node; normal, directors at rest,
+flat, and the numbers of each cell's; q, and each cell's unknowns in it.
+"""
+
+import numba
+import numpy as np
+
+LANES = 32
+"""Cells that are worked on at once."""
+_FAST = {"contract", "nsz"}
+
+
+@numba.njit(forceinline=True, error_model="numpy", fastmath=_FAST)
+def _gather(block, start, normal, directors, q, dofs, r, x):
+    """The vectors of a block's cells at rest and now, (n, 3, LANES)."""
+    nodes = start.shape[1]
+    for lane in range(min(LANES, len(start) - block * LANES)):
+        c = block * LANES + lane
+        for i in range(nodes):
+            for k in range(3):
+                r[i, k, lane] = start[c, i, k]
+                x[i, k, lane] = start[c, i, k] + (q[dofs[c, 3 * i + 3 + k]] - q[dofs[c, k]])
+        for i in range(directors.shape[1]):
+            for k in range(3):
+                r[nodes + i, k, lane] = normal[3 * directors[c, i] + k]
+                x[nodes + i, k, lane] = q[dofs[c, 3 * (nodes + i) + 3 + k]]
+
+
+@numba.njit(cache=True, error_model="numpy", fastmath=_FAST)
+def strains(batch, out):
+    """Strains `out` (cells, points, strains) of all local cells."""
+    M, spans, pairs, start, normal, directors, q, dofs = batch
+    n = start.shape[1] + directors.shape[1]
+    r, x = np.zeros((n, 3, LANES)), np.zeros((n, 3, LANES))
+    change, E = np.empty((len(pairs), LANES)), np.empty(LANES)
+    for block in range(M.shape[0]):
+        _gather(block, start, normal, directors, q, dofs, r, x)
+        change[:] = 0.0
+        for k in range(len(pairs)):
+            i, j = pairs[k, 0], pairs[k, 1]
+            for m in range(3):
+                for lane in range(LANES):
+                    # of the difference of two products, without cancellation
+                    before, after = r[i, m, lane], x[j, m, lane]
+                    change[k, lane] += before * (after - r[j, m, lane]) + (x[i, m, lane] - before) * after
+        for p in range(M.shape[1]):
+            t = 0
+            for a in range(len(spans)):
+                E[:] = 0.0
+                for k in range(spans[a, 0], spans[a, 1]):
+                    for lane in range(LANES):
+                        E[lane] += M[block, p, t, lane] * change[k, lane]
+                    t += 1
+                for lane in range(min(LANES, len(start) - block * LANES)):
+                    out[block * LANES + lane, p, a] = E[lane]
+
+
+@numba.njit(cache=True, error_model="numpy", fastmath=_FAST)
+def forces(batch, stress, weights, out):
+    """Add forces of owned cells to a local array; stress (cells, points, strains), weights (owned cells, points)."""
+    M, spans, pairs, start, normal, directors, q, dofs = batch
+    nodes, n = start.shape[1], start.shape[1] + directors.shape[1]
+    r, x, f = np.zeros((n, 3, LANES)), np.zeros((n, 3, LANES)), np.empty((n, 3, LANES))
+    W, N = np.empty((len(pairs), LANES)), np.zeros(LANES)
+    for block in range(-(-len(weights) // LANES)):
+        cells = min(LANES, len(weights) - block * LANES)
+        _gather(block, start, normal, directors, q, dofs, r, x)
+        W[:] = 0.0
+        for p in range(M.shape[1]):
+            t = 0
+            for a in range(len(spans)):
+                for lane in range(cells):
+                    c = block * LANES + lane
+                    N[lane] = weights[c, p] * stress[c, p, a]
+                for k in range(spans[a, 0], spans[a, 1]):
+                    for lane in range(LANES):
+                        W[k, lane] += N[lane] * M[block, p, t, lane]
+                    t += 1
+        f[:] = 0.0
+        for k in range(len(pairs)):
+            i, j = pairs[k, 0], pairs[k, 1]
+            for m in range(3):
+                for lane in range(LANES):
+                    f[i, m, lane] += W[k, lane] * x[j, m, lane]
+                for lane in range(LANES):
+                    f[j, m, lane] += W[k, lane] * x[i, m, lane]
+        for lane in range(cells):
+            c = block * LANES + lane
+            for m in range(3):
+                first = 0.0
+                for i in range(n):
+                    out[dofs[c, 3 * i + 3 + m]] += f[i, m, lane]
+                for i in range(nodes):
+                    first += f[i, m, lane]
+                # the first node moves against the others
+                out[dofs[c, m]] -= first
+
+
+@numba.njit(cache=True, error_model="numpy", fastmath=_FAST)
+def stiffness(batch, tangent, stress, weights, out):
+    """Add to `out` (owned cells, n, n) the stiffness of each cell, of tangent and stress at the points."""
+    M, spans, pairs, start, normal, directors, q, dofs = batch
+    nodes, n, strains = start.shape[1], start.shape[1] + directors.shape[1], len(spans)
+    r, x, W = np.zeros((n, 3, LANES)), np.zeros((n, 3, LANES)), np.empty(len(pairs))
+    B, CB = np.empty((strains, 3 * n + 3)), np.empty((strains, 3 * n + 3))
+    G = np.empty((n + 1, n + 1))
+    for c in range(len(weights)):
+        block, lane = c // LANES, c % LANES
+        if lane == 0:
+            _gather(block, start, normal, directors, q, dofs, r, x)
+        K = out[c]
+        W[:] = 0.0
+        for p in range(M.shape[1]):
+            w, t = weights[c, p], 0
+            B[:] = 0.0
+            for a in range(strains):
+                N = w * stress[c, p, a]
+                for k in range(spans[a, 0], spans[a, 1]):
+                    s = M[block, p, t, lane]
+                    t += 1
+                    W[k] += N * s
+                    i, j = pairs[k, 0], pairs[k, 1]
+                    for m in range(3):
+                        B[a, 3 * i + 3 + m] += s * x[j, m, lane]
+                        B[a, 3 * j + 3 + m] += s * x[i, m, lane]
+                for i in range(nodes):
+                    for m in range(3):
+                        B[a, m] -= B[a, 3 * i + 3 + m]
+            for a in range(strains):
+                CB[a] = 0.0
+                for b in range(strains):
+                    C = w * tangent[c, p, a, b]
+                    for j in range(3 * n + 3):
+                        CB[a, j] += C * B[b, j]
+            for i in range(3 * n + 3):
+                for a in range(strains):
+                    s = B[a, i]
+                    for j in range(3 * n + 3):
+                        K[i, j] += s * CB[a, j]
+        G[:] = 0.0
+        for k in range(len(pairs)):
+            i, j = pairs[k, 0] + 1, pairs[k, 1] + 1
+            G[i, j] += W[k]
+            G[j, i] += W[k]
+        for i in range(1, nodes + 1):
+            G[0] -= G[i]
+        G[1:, 0] = G[0, 1:]
+        for i in range(1, nodes + 1):
+            G[0, 0] -= G[0, i]
+        for i in range(n + 1):
+            for j in range(n + 1):
+                for m in range(3):
+                    K[3 * i + m, 3 * j + m] += G[i, j]

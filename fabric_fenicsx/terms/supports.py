@@ -1,0 +1,126 @@
+"""Where a scene is held and loaded: Dirichlet conditions and measures on named groups of the mesh.
+
+Each condition is a list, so that a scene adds them up: `clamp(...) + symmetry(...)`. `space` is the space of
+the displacement, or of a shell, whose directors are held along with it. At a support the residual is
+the reaction (`StaticSolver.reaction`).
+"""
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+import ufl
+from dolfinx import fem, mesh
+
+from ..errors import InputError
+from ..shell.directors import ShellSpace
+from ..surfaces.meshing import Domain
+
+type Space = ShellSpace | fem.FunctionSpace
+type Conditions = list[fem.DirichletBC]
+type Vector = Sequence[float]
+type Move = Callable[..., None]
+
+
+def over(domain: Domain, name: str, degree: int) -> ufl.Measure:
+    """Measure over a group: cells (dx), edges of the rim (ds), or points (dP, for `weakform.point_force`).
+
+    Raises InputError, on every rank, if an edge of the group is not on the rim.
+    """
+    dim, entities = domain.entities(name)
+    _, tag = domain.names[name]
+    if dim == 1:
+        topology = domain.mesh.topology
+        topology.create_connectivity(1, 2)
+        owned = entities[entities < topology.index_map(1).size_local]
+        if domain.mesh.comm.allreduce(not np.isin(owned, mesh.exterior_facet_indices(topology)).all()):
+            raise InputError(f"The group {name!r} has edges inside the sheet; a load on edges needs those of its rim.")
+    kind, metadata = ("dP", "ds", "dx")[dim], {"quadrature_degree": degree} if dim else {}
+    return ufl.Measure(kind, domain.mesh, subdomain_data=domain.tags[dim], subdomain_id=tag, metadata=metadata)
+
+
+def unknowns(domain: Domain, space: Space, name: str, component: int) -> np.ndarray:
+    """Local unknowns of one component of the displacement at a group."""
+    return _at(domain, name, _displacement(space).sub(component))
+
+
+def mean(domain: Domain, space: Space, q: fem.Function, name: str, component: int) -> float:
+    """Mean displacement along one axis of the nodes of a group, m; to be called on every rank. q: of the space."""
+    dofs = unknowns(domain, space, name, component)
+    dofmap = q.function_space.dofmap
+    owned = dofs[dofs < dofmap.index_map.size_local * dofmap.index_map_bs]
+    total, count = domain.mesh.comm.allreduce(np.array([q.x.array[owned].sum(), len(owned)]))
+    return float(total / count)
+
+
+def hinge(domain: Domain, space: Space, name: str) -> Conditions:
+    """No displacement; a shell may turn."""
+    return [bc for i in range(domain.mesh.geometry.dim) for bc in lead(domain, space, name, i, 0.0)]
+
+
+def clamp(domain: Domain, space: Space, name: str) -> Conditions:
+    """No displacement, and no rotation of a shell."""
+    return grip(domain, space, name)[0] if isinstance(space, ShellSpace) else hinge(domain, space, name)
+
+
+def hold(domain: Domain, space: ShellSpace, name: str) -> Conditions:
+    """No rotation of a shell; its displacement is free."""
+    part = space.V.sub(1)
+    return [fem.dirichletbc(space.normal, _at(domain, name, (part, space.normal.function_space)), part)]
+
+
+def symmetry(domain: Domain, space: Space, name: str, axis: int) -> Conditions:
+    """A plane of symmetry across the axis 0, 1 or 2: no displacement along it, and the director stays in the plane."""
+    conditions = lead(domain, space, name, axis, 0.0)
+    if isinstance(space, ShellSpace):
+        part = space.V.sub(1).sub(axis)
+        conditions.append(fem.dirichletbc(fem.Constant(domain.mesh, 0.0), _at(domain, name, part), part))
+    return conditions
+
+
+def lead(domain: Domain, space: Space, name: str, component: int, value: float | fem.Constant) -> Conditions:
+    """One component of the displacement given, in m: a number, or a Constant that may change."""
+    part = _displacement(space).sub(component)
+    value = value if isinstance(value, fem.Constant) else fem.Constant(domain.mesh, float(value))
+    return [fem.dirichletbc(value, _at(domain, name, part), part)]
+
+
+def grip(domain: Domain, space: ShellSpace, name: str) -> tuple[Conditions, Move]:
+    """Displacement and directors of a group move as one rigid body: the conditions, and what moves it.
+
+    `move(shift, turn, centre)`, each three numbers: a shift in m, after a turn about `centre` by the
+    right-hand rule, a vector as long as its angle in radians; both are from the start, not from the last step.
+    One step may turn by less than half a turn.
+    """
+    u, d = (fem.Function(space.V.sub(i).collapse()[0]) for i in (0, 1))
+    d.x.array[:] = space.normal.x.array
+
+    def move(
+        shift: Sequence[float], rotation: Sequence[float] = (0, 0, 0), centre: Sequence[float] = (0, 0, 0)
+    ) -> None:
+        R, c = _rotation(np.array(rotation, dtype=float)), np.array(centre, dtype=float)[:, None]
+        u.interpolate(lambda x: R @ (x - c) + c - x + np.array(shift, dtype=float)[:, None])
+        d.x.array[:] = (space.normal.x.array.reshape(-1, 3) @ R.T).ravel()
+
+    parts = [(part, _at(domain, name, (part, value.function_space)), value) for part, value in
+             ((space.V.sub(0), u), (space.V.sub(1), d))]  # fmt: skip
+    return [fem.dirichletbc(value, dofs, part) for part, dofs, value in parts], move
+
+
+def _displacement(space: Space) -> fem.FunctionSpace:
+    return space.V.sub(0) if isinstance(space, ShellSpace) else space
+
+
+def _at(
+    domain: Domain, name: str, space: fem.FunctionSpace | tuple[fem.FunctionSpace, fem.FunctionSpace]
+) -> np.ndarray:
+    """Local unknowns of a space at a group."""
+    dim, entities = domain.entities(name)
+    domain.mesh.topology.create_connectivity(dim, domain.mesh.topology.dim)
+    return fem.locate_dofs_topological(space, dim, entities)
+
+
+def _rotation(w: np.ndarray) -> np.ndarray:
+    """Matrix of the rotation about w by the angle |w| (Rodrigues)."""
+    angle = np.linalg.norm(w)
+    K = np.array([[0, -w[2], w[1]], [w[2], 0, -w[0]], [-w[1], w[0], 0]])
+    return np.eye(3) + np.sinc(angle / np.pi) * K + 0.5 * np.sinc(angle / 2 / np.pi) ** 2 * K @ K
