@@ -8,7 +8,7 @@ demo: setup ## the tensile tests of all four fabrics; table, CSV and pictures un
 	$(python) demos/tensile.py --fabric all --angle all --cells 9x3 --degree 1 --out out/tensile
 
 thesis: setup ## chapter 7 of the thesis beside this code, in out/thesis/thesis.html; what has run before is kept
-	$(python) demos/thesis.py
+	$(python) demos/thesis/thesis.py
 
 test: lint ## lint, then all tests, then the parallel ones again on 2 ranks
 	$(python) -m pytest -n auto --maxprocesses 4 --dist worksteal
@@ -27,10 +27,10 @@ docs: setup ## pages on every room and the demos to extend from, in out/docs
 		fabric_fenicsx.identify.listing fabric_fenicsx.identify.records demos/my_*.py demos/sleeve.py
 
 studies: setup ## what features cost, where the limits are, error against run time; tables and plots under out
-	$(python) demos/lean_scenes.py
-	$(python) demos/stability.py
-	$(python) demos/error_vs_runtime.py
-	$(python) demos/scaling.py --cells 10 20 40 80 --end 0.05
+	$(python) demos/studies/lean_scenes.py
+	$(python) demos/studies/stability.py
+	$(python) demos/studies/error_vs_runtime.py
+	$(python) demos/studies/scaling.py --cells 10 20 40 80 --end 0.05
 
 clean: ## remove .venv and the caches in this folder; results under out/ stay
 	rm -rf .venv .cache build *.egg-info .hypothesis .mypy_cache .pytest_cache .ruff_cache

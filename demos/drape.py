@@ -26,9 +26,10 @@ import ufl
 from fabric_fenicsx.app import command
 from fabric_fenicsx.errors import InputError
 from fabric_fenicsx.output import results
+from fabric_fenicsx.surfaces import meshing
 from fabric_fenicsx.terms import supports
 
-MESH = Path(__file__).parent.parent / "meshes" / "drape.geo"
+MESH = meshing.MESHES / "drape.geo"
 G = 9.81
 
 

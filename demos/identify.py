@@ -17,8 +17,9 @@ from fabric_fenicsx.app import command
 from fabric_fenicsx.errors import InputError
 from fabric_fenicsx.identify import making, synthetic
 from fabric_fenicsx.output import results
+from fabric_fenicsx.surfaces import meshing
 
-STRIP = Path(__file__).parent.parent / "meshes" / "strip.geo"
+STRIP = meshing.MESHES / "strip.geo"
 ACCEPTED = {"warp_curve": 3.0, "weft_curve": 3.0, "shear_curve": 5.0, "nu12": 5.0, "nu21": 5.0}
 ACCEPTED |= {f"{way}_unloading": 5.0 for way in ("warp", "weft", "shear")}
 

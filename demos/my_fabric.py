@@ -23,7 +23,7 @@ from fabric_fenicsx.output import pictures, results
 from fabric_fenicsx.solvers import statics
 from fabric_fenicsx.surfaces import meshing
 
-STRIP = Path(__file__).parent.parent / "meshes" / "strip.geo"
+STRIP = meshing.MESHES / "strip.geo"
 
 MY_FABRIC = """
 name = "my_fabric"

@@ -27,7 +27,7 @@ from fabric_fenicsx.solvers import statics
 from fabric_fenicsx.surfaces import meshing
 from fabric_fenicsx.terms import supports
 
-STRIP = Path(__file__).parent.parent / "meshes" / "strip.geo"
+STRIP = meshing.MESHES / "strip.geo"
 LENGTH, WIDTH, THICKNESS = 0.1, 0.03, 0.5e-3  # m
 
 

@@ -28,7 +28,7 @@ from fabric_fenicsx.solvers import statics
 from fabric_fenicsx.surfaces import meshing
 from fabric_fenicsx.terms import supports
 
-STRIP = Path(__file__).parent.parent / "meshes" / "strip.geo"
+STRIP = meshing.MESHES / "strip.geo"
 LENGTH, WIDTH, THICKNESS, TAUT = 1.0, 0.1, 0.3e-3, 0.01  # m; TAUT: how far the edges are pulled apart
 E, AIR, STORM = 20e6, 1.2, 30.0  # Pa, kg/m3, m/s
 

@@ -30,7 +30,7 @@ from fabric_fenicsx.solvers import statics
 from fabric_fenicsx.surfaces import meshing
 from fabric_fenicsx.terms import supports, weakform
 
-BAG = Path(__file__).parent.parent / "meshes" / "bag.obj"
+BAG = meshing.MESHES / "bag.obj"
 RADIUS, LENGTH, PRESSURE = 0.06, 0.3, 40e3  # m, Pa
 BAG_RADIUS, SKIN, E, NU, BAG_PRESSURE = 0.2, 4e-3, 10e6, 0.3, 100.0  # m, Pa
 

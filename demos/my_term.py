@@ -24,7 +24,7 @@ from fabric_fenicsx.solvers import statics
 from fabric_fenicsx.surfaces import meshing
 from fabric_fenicsx.terms import supports, weakform
 
-STRIP = Path(__file__).parent.parent / "meshes" / "strip.geo"
+STRIP = meshing.MESHES / "strip.geo"
 LENGTH, WIDTH, THICKNESS = 0.4, 0.05, 1e-3  # m
 E, FOUNDATION, SEAM, PULL = 50e6, 2e3, 20.0, 0.02  # Pa, N/m3, N/m2, N/m
 

@@ -22,9 +22,10 @@ from fabric_fenicsx import fabrics, plots
 from fabric_fenicsx.app import command
 from fabric_fenicsx.errors import InputError
 from fabric_fenicsx.output import results
+from fabric_fenicsx.surfaces import meshing
 from fabric_fenicsx.terms import supports
 
-MESH = Path(__file__).parent.parent / "meshes" / "drape.geo"
+MESH = meshing.MESHES / "drape.geo"
 HEIGHT, TIME = 0.40, 0.5  # m, s
 ELEMENTS = {"element_207": (206 % 20, 206 // 20), "element_271": (270 % 20, 270 // 20)}
 """Place in the 20 x 20 grid along warp and along weft."""

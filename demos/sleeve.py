@@ -26,7 +26,7 @@ from fabric_fenicsx.solvers import checkpoint
 from fabric_fenicsx.surfaces import meshing
 from fabric_fenicsx.terms import supports
 
-MESH = Path(__file__).parent.parent / "meshes" / "sleeve.geo"
+MESH = meshing.MESHES / "sleeve.geo"
 RADIUS, LENGTH = 0.05, 0.3  # m
 
 

@@ -30,7 +30,6 @@ from fabric_fenicsx.surfaces import meshing
 from fabric_fenicsx.terms import supports
 from fabric_fenicsx.terms import weakform as wf
 
-HERE = Path(__file__).parent
 RADIUS, LENGTH, ANGLE = 2.54, 0.254, 0.1  # m, half length in m, half angle in radians
 E, NU = 3102.75e6, 0.3
 HIGHEST = 3000.0  # N, where the table ends
@@ -39,7 +38,7 @@ FIRST = {12.7: 100.0, 6.35: 50.0}  # thickness in mm -> N of the first step
 
 def published(thickness_mm):
     """Load (N) and deflection (mm) of the published table."""
-    with open(HERE.parent / "tests" / "data" / f"sze2004_3.8_hinged_roof_{thickness_mm:g}mm.csv") as file:
+    with open(Path(__file__).parents[1] / "tests" / "data" / f"sze2004_3.8_hinged_roof_{thickness_mm:g}mm.csv") as file:
         rows = list(csv.DictReader(line for line in file if not line.startswith("#")))
     return np.array([[HIGHEST * float(row["P_over_Pmax"]), float(row["minus_W_C"])] for row in rows])
 
@@ -50,7 +49,7 @@ class Roof:
     def __init__(self, thickness, cells, element=None, comm=MPI.COMM_WORLD):
         kind, (_, degree), *_ = directors.ELEMENTS[element or "regge"]
         self.domain = domain = meshing.read(
-            HERE.parent / "meshes" / "cylinder.geo", comm, radius=RADIUS, length=LENGTH, angle=np.degrees(ANGLE),
+            meshing.MESHES / "cylinder.geo", comm, radius=RADIUS, length=LENGTH, angle=np.degrees(ANGLE),
             nx=cells, ny=cells, order=degree, triangles=int(kind == "triangle"),
         )  # fmt: skip
         G = E / 2 / (1 + NU)

@@ -24,7 +24,7 @@ from fabric_fenicsx.output import pictures, results
 from fabric_fenicsx.solvers import statics
 from fabric_fenicsx.surfaces import meshing, yarns
 
-STRIP = Path(__file__).parent.parent / "meshes" / "strip.geo"
+STRIP = meshing.MESHES / "strip.geo"
 THESIS = {"cells": (9, 3), "degree": 1}
 """The thesis's mesh, 27 bilinear elements: in bias between clamps its force is 30 % too high."""
 WAYS = {0.0: "warp", 90.0: "weft", 45.0: "bias"}

@@ -55,8 +55,8 @@ meant to be copied and changed.
 - **Energy.** The measured law has no potential and its tangent is not symmetric: round a closed loop of strains in two
   directions it can make energy, much of it where Poisson's ratios are large (duck, muslin). The balance of energies
   closes all the same; `solvers.energy.Ledger.made` tells what was made. Lowered ratios lessen it.
-  `coupling="reciprocal"` of `laws.woven.Woven` lessens it on loops at a point (`demos/material_point.py`), but not in
-  every scene.
+  `coupling="reciprocal"` of `laws.woven.Woven` lessens it on loops at a point (`demos/thesis/material_point.py`), but
+  not in every scene.
 - **Slack cloth** has many wrinkled states. Which one is found depends on mesh, steps and round-off; statics may find
   none; a motion goes through them.
 - **Transverse shear** of cloth is not measured; the sheet takes the first shear modulus of its plane for it.

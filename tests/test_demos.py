@@ -24,16 +24,23 @@ COLUMNS += ["newton_iterations", "step_cuts", "wall_s"]
 pytestmark = pytest.mark.filterwarnings("ignore:.*is beyond the measured")
 
 
+def script(name):
+    """Where the demo of this name is; there is one."""
+    (path,) = DEMOS.rglob(name)
+    return path
+
+
 @pytest.fixture
 def demo(monkeypatch, capsys):
     """Runs a demo in this process as from the command line: its status and what it wrote to the two streams."""
-    monkeypatch.syspath_prepend(DEMOS)
     monkeypatch.setattr(warnings, "formatwarning", warnings.formatwarning)
 
     def run(name, *words):
+        path = script(name)
+        monkeypatch.syspath_prepend(path.parent)
         monkeypatch.setattr(sys, "argv", [name, *map(str, words)])
         with pytest.raises(SystemExit) as end:
-            runpy.run_path(str(DEMOS / name), run_name="__main__")
+            runpy.run_path(str(path), run_name="__main__")
         return end.value.code, *capsys.readouterr()
 
     return run
@@ -248,7 +255,7 @@ def test_two_ranks_give_the_same(demo, tmp_path):
         "simple_shear.py": (["--steps", "5"], "blend_sign", 1e-8),
         "biaxial.py": (["--fabric", "blend", "--steps", "5"], "blend", 1e-8),
     }
-    commands = [[str(DEMOS / name), *words, "--out", str(tmp_path / "two")] for name, (words, *_) in runs.items()]
+    commands = [[str(script(name)), *words, "--out", str(tmp_path / "two")] for name, (words, *_) in runs.items()]
     on_two_ranks(commands)
     for name, (words, folder, tolerance) in runs.items():
         assert demo(name, *words, "--out", tmp_path / "one")[0] == 0

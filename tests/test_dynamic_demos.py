@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import test_demos
 
-demo, read, DEMOS = test_demos.demo, test_demos.read, test_demos.DEMOS
+demo, read = test_demos.demo, test_demos.read
 COLUMNS = {"time_s", "newton_iterations", "step_cuts", "kinetic_J", "recoverable_J", "dissipated_J"}
 COLUMNS |= {"external_work_J", "imbalance_J", "wall_s"}
 
@@ -112,7 +112,8 @@ def test_two_ranks_give_the_same(demo, tmp_path):
         "strip": (["hanging_strip.py", "--modes", "1", "--cells", "10", "--points", "20"], "mode_1", "end_x_m"),
     }
     commands = [
-        [str(DEMOS / name), *words, "--out", str(tmp_path / "two" / key)] for key, ((name, *words), *_) in runs.items()
+        [str(test_demos.script(name)), *words, "--out", str(tmp_path / "two" / key)]
+        for key, ((name, *words), *_) in runs.items()
     ]
     test_demos.on_two_ranks(commands)
     for key, ((name, *words), folder, probe) in runs.items():

@@ -1,4 +1,4 @@
-"""Short runs of every case of demos/shell_benchmarks.py: coarse meshes, whose errors are known, few steps."""
+"""Short runs of every case of demos/studies/shell_benchmarks.py: coarse meshes, whose errors are known, few steps."""
 
 import csv
 import runpy
@@ -10,7 +10,7 @@ import pytest
 from mpi4py import MPI
 from matplotlib import image
 
-DEMOS = Path(__file__).resolve().parent.parent / "demos"
+DEMOS = Path(__file__).resolve().parent.parent / "demos" / "studies"
 
 
 @pytest.fixture

@@ -1,4 +1,4 @@
-"""The cheap trials of `demos/stability.py`, and that it would see one that goes wrong."""
+"""The cheap trials of `demos/studies/stability.py`, and that it would see one that goes wrong."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -16,7 +16,7 @@ SUBJECTS = ("thickness", "yarns", "poisson", "slack", "far", "reversals", "rotat
 
 @pytest.fixture
 def stability(monkeypatch):
-    monkeypatch.syspath_prepend(Path(__file__).parent.parent / "demos")
+    monkeypatch.syspath_prepend(Path(__file__).parent.parent / "demos" / "studies")
     import stability
 
     return stability

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from matplotlib import image
 
-DEMOS = Path(__file__).resolve().parent.parent / "demos"
+DEMOS = Path(__file__).resolve().parent.parent / "demos" / "studies"
 
 
 @pytest.fixture
@@ -77,6 +77,7 @@ def test_front_and_cheapest_setting(monkeypatch):
 
 def test_the_base_of_a_study_is_the_default_of_its_demo(monkeypatch):
     monkeypatch.syspath_prepend(DEMOS)
+    monkeypatch.syspath_prepend(DEMOS.parent)
     monkeypatch.setattr(sys, "argv", ["demo"])
     import drape
     import error_cases

@@ -21,7 +21,7 @@ QUICK = {"7-1", "7-5", "7-10", "7-14", "7-19", "7-20", "7-27", "7-31", "7-37"}
 
 @pytest.fixture
 def cases(monkeypatch):
-    monkeypatch.syspath_prepend(DEMOS)
+    monkeypatch.syspath_prepend(DEMOS / "thesis")
     from chapter7 import cases
 
     return cases
@@ -98,7 +98,7 @@ def check_numbers(page, folder):
 
 def test_what_the_thesis_prints_is_what_the_fabrics_hold():
     """Tables 7.1 and 7.3 twice, by hand: as the report quotes them and as the package reads them."""
-    said = tomllib.loads((DEMOS / "chapter7" / "printed.toml").read_text())
+    said = tomllib.loads((DEMOS / "thesis" / "chapter7" / "printed.toml").read_text())
     for name in fabrics.names():
         given, yarns, shear = fabrics.load(name), said["table_7_1"][name], said["table_7_3"][name]
         for way in "warp", "weft":
@@ -126,8 +126,8 @@ def test_a_case_changes_with_the_code_that_it_uses(cases, tmp_path):
     for file, changed in (
         ("tensile.py", [True, True, False]),  # motion draws with statics
         ("moving.py", [False, True, False]),
-        ("closed_loops.py", [False, False, True]),
-        ("thesis.py", [False, False, False]),
+        ("thesis/closed_loops.py", [False, False, True]),
+        ("thesis/thesis.py", [False, False, False]),
         ("../meshes/strip.geo", [True, True, True]),
         ("my_law.py", [False, False, False]),
     ):
@@ -139,15 +139,18 @@ def test_a_case_changes_with_the_code_that_it_uses(cases, tmp_path):
     package = Path(fabric_fenicsx.__file__).parent
     seen = {room: set() for room in rooms}
     for room in rooms:
-        wanted = [DEMOS / "chapter7" / f"{room}.py"]
+        wanted = [DEMOS / "thesis" / "chapter7" / f"{room}.py"]
         while wanted:
             file = wanted.pop()
             if file.exists() and file not in seen[room]:
                 seen[room].add(file)
-                wanted += cases._imported(file, (DEMOS, package.parent))
+                wanted += cases._imported(file, (DEMOS / "thesis", DEMOS, package.parent))
     assert {package / "laws" / "kernels.py", package / "fabrics" / "reading.py"} <= set.intersection(*seen.values())
-    assert package / "checkpoint.py" in seen["motion"] - seen["statics"] and package / "hook.py" not in seen["points"]
-    assert package / "doctor.py" not in set.union(*seen.values())
+    assert (
+        package / "solvers" / "checkpoint.py" in seen["motion"] - seen["statics"]
+        and package / "terms" / "hook.py" not in seen["points"]
+    )
+    assert package / "app" / "doctor.py" not in set.union(*seen.values())
     case = cases.Case("a", "points.loops", {"trials": 1})
     assert case.key == cases.Case("b", "points.loops", {"trials": 1}).key != cases.Case("a", "points.loops", {}).key
 
@@ -166,7 +169,7 @@ class Linear:
 
 def test_what_a_loop_makes(monkeypatch):
     """Round a loop of the area A the work is (C21 - C12) A (Green); gone round the other way, its opposite."""
-    monkeypatch.syspath_prepend(DEMOS)
+    monkeypatch.syspath_prepend(DEMOS / "thesis")
     import closed_loops
 
     ellipse = [0.3, 0.2, 0.1, 0.05, -0.25, 0.0]  # E22 follows E11 by a quarter: anticlockwise
@@ -179,7 +182,7 @@ def test_what_a_loop_makes(monkeypatch):
 @pytest.mark.parametrize("coupling", ["measured", "reciprocal"])
 def test_the_worst_loop_lies_where_the_fabric_was_tested(monkeypatch, coupling):
     """What the search says of its loop is what the loop gives, and better than any at random."""
-    monkeypatch.syspath_prepend(DEMOS)
+    monkeypatch.syspath_prepend(DEMOS / "thesis")
     import closed_loops
 
     blend = fabrics.load("blend")
@@ -196,7 +199,7 @@ def test_the_worst_loop_lies_where_the_fabric_was_tested(monkeypatch, coupling):
 
 def test_numbers_of_chapter_7_are_typed_in_one_place_only():
     """No room of the report that writes sentences has a number with a decimal point in its sentences."""
-    for path in sorted((DEMOS / "chapter7").glob("*.py")):
+    for path in sorted((DEMOS / "thesis" / "chapter7").glob("*.py")):
         if path.stem in ("parameters", "strips", "shearing", "sheets", "left_open"):
             for line in path.read_text().splitlines():
                 for text in re.findall(r'f?"([^"]*)"', line):

@@ -16,6 +16,9 @@ from dolfinx.io.utils import distribute_entity_data
 from ..errors import InputError
 from . import checking, importing
 
+MESHES = Path(__file__).parents[1] / "meshes"
+"""The meshes that come with the package: `strip.geo`, `square.geo`, `drape.geo` ..."""
+
 
 @dataclass(frozen=True)
 class Domain:

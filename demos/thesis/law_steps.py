@@ -12,10 +12,13 @@ from mpi4py import MPI  # isort: skip  (first, as in every DOLFINx script: it lo
 
 import argparse
 import csv
+import sys
 import time
 import warnings
 from dataclasses import replace
 from pathlib import Path
+
+sys.path.append(str(Path(__file__).parents[1]))  # the demos
 
 import numpy as np
 import tensile

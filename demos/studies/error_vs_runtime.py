@@ -7,9 +7,9 @@ and steps, as a part of its largest value; the reference's own error is at most 
 coarser: errors below that tell little. Times are processor time and wall time of the way through the loads, medians of
 three; set-up, with what it compiles, is apart.
 
-    python demos/error_vs_runtime.py                    # all of it, some 25 minutes
-    python demos/error_vs_runtime.py --quick            # few settings, each once, coarse references
-    python demos/error_vs_runtime.py --case strip
+    python demos/studies/error_vs_runtime.py                    # all of it, some 25 minutes
+    python demos/studies/error_vs_runtime.py --quick            # few settings, each once, coarse references
+    python demos/studies/error_vs_runtime.py --case strip
 
 The checked number: every setting but one with the law as printed comes to an end, and the cheapest one of every case
 within 10 % is found.

@@ -5,8 +5,11 @@ A case builds a scene from settings, a dict, and goes through it; both parts are
 """
 
 import argparse
+import sys
 from dataclasses import dataclass
 from pathlib import Path
+
+sys.path.append(str(Path(__file__).parents[1]))  # the demos
 
 import drape
 import moving
@@ -21,7 +24,7 @@ from fabric_fenicsx.laws import driver, named
 from fabric_fenicsx.solvers import continuation, statics
 from fabric_fenicsx.surfaces import meshing
 
-STRIP = Path(__file__).parent.parent / "meshes" / "strip.geo"
+STRIP = meshing.MESHES / "strip.geo"
 BLEND = fabrics.load("blend")
 
 

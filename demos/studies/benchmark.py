@@ -19,6 +19,8 @@ import tracemalloc
 import warnings
 from pathlib import Path
 
+sys.path.append(str(Path(__file__).parents[1]))  # the demos
+
 import numpy as np
 import tensile
 import ufl

@@ -8,7 +8,10 @@ The strip starts from rest in such a shape. The checked number: its frequencies,
 from mpi4py import MPI  # isort: skip  (first, as in every DOLFINx script: it loads the MPI library)
 
 import argparse
+import sys
 from pathlib import Path
+
+sys.path.append(str(Path(__file__).parents[1]))  # the demos
 
 import moving
 import numpy as np
@@ -20,9 +23,10 @@ from fabric_fenicsx.app import command
 from fabric_fenicsx.errors import InputError
 from fabric_fenicsx.laws.svk import StVenantKirchhoff
 from fabric_fenicsx.output import results
+from fabric_fenicsx.surfaces import meshing
 from fabric_fenicsx.terms import supports
 
-MESH = Path(__file__).parent.parent / "meshes" / "strip.geo"
+MESH = meshing.MESHES / "strip.geo"
 LENGTH, WIDTH, THICKNESS, DENSITY, G = 0.5, 0.05, 0.1e-3, 500.0, 9.81
 E, NU = 1e7, 0.0
 """Bending stiffness is 1.4e-5 of weight times length squared: a chain."""

@@ -10,8 +10,11 @@ The checked numbers: all cases have an answer, and all figures of the chapter a 
 from mpi4py import MPI  # isort: skip  (first, as in every DOLFINx script: it loads the MPI library)
 
 import argparse
+import sys
 import time
 from pathlib import Path
+
+sys.path.append(str(Path(__file__).parents[1]))  # the demos
 
 from chapter7 import cases, left_open, page, parameters, sections, shearing, sheets, strips
 

@@ -6,14 +6,14 @@ with the unknowns. With more than one number of ranks it gives the speed-up, or 
 the cells, the efficiency; and how far the heights of the centre are apart until 0.25 s, before buckling multiplies
 round-off, and after it.
 
-    python demos/scaling.py --cells 10 20 40 80 160 --solver direct lagged iterative --end 0.05
-    python demos/scaling.py --cells 40 80 --ranks 1 2 --end 0.05
-    python demos/scaling.py --cells 50 --ranks 1 2 --weak --end 0.05
+    python demos/studies/scaling.py --cells 10 20 40 80 160 --solver direct lagged iterative --end 0.05
+    python demos/studies/scaling.py --cells 40 80 --ranks 1 2 --end 0.05
+    python demos/studies/scaling.py --cells 50 --ranks 1 2 --weak --end 0.05
 
 With --thickness it solves one linear system of an elastic sheet at rest instead, under its weight, gripped at two
 edges: flat, so that it must bend, and stretched by 0.5 %; for every thickness over side, size and element.
 
-    python demos/scaling.py --thickness 1e-2 1e-3 1e-4 --cells 20 40 80
+    python demos/studies/scaling.py --thickness 1e-2 1e-3 1e-4 --cells 20 40 80
 
 The checked number: heights until 0.25 s on any number of ranks differ by at most 1e-6 of the sag, and those by another
 solver than LU, of a tolerance of its own, by at most 1e-4. With --thickness: the linear solvers differ by at most 1e-3.
@@ -22,9 +22,12 @@ solver than LU, of a tolerance of its own, by at most 1e-4. With --thickness: th
 from mpi4py import MPI  # isort: skip  (first, as in every DOLFINx script: it loads the MPI library)
 
 import argparse
+import sys
 import time
 from itertools import product
 from pathlib import Path
+
+sys.path.append(str(Path(__file__).parents[1]))  # the demos
 
 import moving
 import numpy as np
@@ -41,8 +44,8 @@ from fabric_fenicsx.solvers import linear
 from fabric_fenicsx.surfaces import meshing
 from fabric_fenicsx.terms import supports
 
-SQUARE = Path(__file__).parent.parent / "meshes" / "square.geo"
-DRAPE = Path(__file__).with_name("drape.py")
+SQUARE = meshing.MESHES / "square.geo"
+DRAPE = Path(__file__).parents[1] / "drape.py"
 REBOUND = 0.25  # s
 SAID = (
     "{cells:3d} cells, {ranks} ranks, {solver:9s} {unknowns:7.0f} unknowns: {seconds:6.1f} s, {iterations_a_step:.1f} "

@@ -5,7 +5,6 @@ Shells are in any consistent units.
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from pathlib import Path
 
 import numpy as np
 import ufl
@@ -19,8 +18,6 @@ from fabric_fenicsx.shell import directors
 from fabric_fenicsx.solvers import continuation, statics
 from fabric_fenicsx.surfaces import meshing
 from fabric_fenicsx.terms import supports, weakform
-
-MESHES = Path(__file__).parent.parent / "meshes"
 
 
 @dataclass(frozen=True)
@@ -65,7 +62,7 @@ class Shell:
         if file != "strip.geo":
             # displacements must be able to turn the sheet as a whole: never a geometry of higher degree
             numbers["order"] = degree
-        self.domain = meshing.read(MESHES / file, comm, gdim=3, triangles=int(cell == "triangle"), **numbers)
+        self.domain = meshing.read(meshing.MESHES / file, comm, gdim=3, triangles=int(cell == "triangle"), **numbers)
         self.mesh, self.comm = self.domain.mesh, comm
         if file == "strip.geo":
             move_nodes(self.mesh, settings.skew, gather, numbers)

@@ -9,8 +9,8 @@ it does once a step.
 Then the elastic plane scene is held against the same problem in twenty lines of plain DOLFINx, in this run; and on one
 rank a drape of 6 x 6 cells is started in a process of its own, its forms in the cache, until its first step is done.
 
-    python demos/lean_scenes.py            # some minutes: every form is compiled anew
-    python demos/lean_scenes.py --quick    # with the forms in the cache, on fewer cells
+    python demos/studies/lean_scenes.py            # some minutes: every form is compiled anew
+    python demos/studies/lean_scenes.py --quick    # with the forms in the cache, on fewer cells
 
 The checked numbers: no scene has fewer unknowns, kernels, batches or bytes with a feature than without; the elastic
 plane scene has no history and no kernel more than that in plain DOLFINx, and takes at most 1.1 of its time; and at most
@@ -109,7 +109,7 @@ def start(repeats=3):
     times = []
     for _ in range(repeats + 1):  # the first one may have something to compile
         words = ["--cells", 6, "--step", 5, "--end", 0.005, time.time()]
-        done = studies.on_ranks(1, "-c", STARTED, *words, cwd=Path(__file__).parent)
+        done = studies.on_ranks(1, "-c", STARTED, *words, cwd=Path(__file__).parents[1])
         if done.returncode:
             raise StepFailed(f"The small drape has not run: {done.stderr.strip()[-300:]}")
         times.append([float(word) for word in done.stdout.split()[-3:]])

@@ -4,9 +4,9 @@ Thickness, yarn stiffness, Poisson's ratios, slack yarns, large strains, reversa
 steps implicit and explicit, and inputs that are no good. A trial works (and is as accurate as it says), is refused with
 an InputError before anything is solved, or stops with a StepFailed that leaves the last good state behind.
 
-    python demos/stability.py              # all of it
-    python demos/stability.py --quick      # the edges alone, in half a minute
-    python demos/stability.py --only far
+    python demos/studies/stability.py              # all of it
+    python demos/studies/stability.py --quick      # the edges alone, in half a minute
+    python demos/studies/stability.py --only far
 
 The checked number: no trial ends otherwise, and every one that must work, or be refused, does so.
 """

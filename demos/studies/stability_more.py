@@ -6,7 +6,7 @@ import numpy as np
 import stability_trials
 import ufl
 from dolfinx import fem
-from stability_trials import ANY, BLEND, COMM, MESHES, REFUSED, WORKS, G, NotRestored, Trial, scaled
+from stability_trials import ANY, BLEND, COMM, REFUSED, WORKS, G, NotRestored, Trial, scaled
 
 from fabric_fenicsx import sheet
 from fabric_fenicsx.errors import StepFailed
@@ -20,7 +20,7 @@ from fabric_fenicsx.terms import supports, weakform
 
 def falling(law=None):
     """A sheet of 2 m, held over patches in its corners, with its areal mass and its weight."""
-    domain = meshing.read(MESHES / "drape.geo", COMM, side=2.0, n=10, a=0.2)
+    domain = meshing.read(meshing.MESHES / "drape.geo", COMM, side=2.0, n=10, a=0.2)
     cloth = sheet.Sheet(domain, law or Woven(BLEND), BLEND.thickness, (G, G))
     areal_mass = BLEND.density * BLEND.thickness
     weight = cloth.weight(areal_mass, ufl.as_vector((0.0, 0.0, -9.81)))
@@ -78,7 +78,7 @@ def explicit_steps(quick):
 def inputs(quick):
     """Zero, negative and NaN inputs; each is to be refused in one sentence, before anything is solved."""
     nan, svk = float("nan"), StVenantKirchhoff.isotropic(1e7, 0.3)
-    domain = meshing.read(MESHES / "strip.geo", COMM, gdim=3, nx=2, ny=1)
+    domain = meshing.read(meshing.MESHES / "strip.geo", COMM, gdim=3, nx=2, ny=1)
     cloth = sheet.Sheet(domain, svk, 1e-3, (1e6, 1e6))
     clamp = supports.clamp(domain, cloth.space, "fixed_end")
 
@@ -113,7 +113,7 @@ def inputs(quick):
         "tolerance NaN": lambda: cloth.equilibrium(clamp, rtol=nan),
         "tolerance 0": lambda: cloth.equilibrium(clamp, rtol=0.0),
         "path of NaN": lambda: driver.run(Woven(BLEND), [[nan, 0.0, 0.0]]),
-        "cells NaN": lambda: meshing.read(MESHES / "strip.geo", COMM, nx=nan),
+        "cells NaN": lambda: meshing.read(meshing.MESHES / "strip.geo", COMM, nx=nan),
     }
     for tried, call in calls.items():
         yield Trial(tried, lambda call=call: (f"made {type(call()).__name__}", True), REFUSED)

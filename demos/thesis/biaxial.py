@@ -23,7 +23,7 @@ from fabric_fenicsx.output import pictures, results
 from fabric_fenicsx.solvers import statics
 from fabric_fenicsx.surfaces import meshing
 
-MESH = Path(__file__).parent.parent / "meshes" / "square.geo"
+MESH = meshing.MESHES / "square.geo"
 SIDE = 0.254  # m
 
 

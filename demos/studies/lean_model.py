@@ -2,7 +2,6 @@
 
 import time
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 import numpy as np
 import ufl
@@ -20,8 +19,7 @@ from fabric_fenicsx.surfaces import meshing, yarns
 from fabric_fenicsx.terms import hook, supports, weakform
 from fabric_fenicsx.terms.work import InternalWork
 
-MESHES = Path(__file__).parent.parent / "meshes"
-FABRIC = fabrics.load("blend")
+FABRIC, STRIP = fabrics.load("blend"), meshing.MESHES / "strip.geo"
 LENGTH, WIDTH, PULL, DT = 0.3, 0.2, 0.01, 1e-3  # m, m, strain, s
 STEPS = 16
 H = FABRIC.thickness
@@ -92,7 +90,7 @@ def law_of(scene):
 
 def plane(scene, cells, comm):
     """Unknown, its test function, internal work, works, hooks, dx and what else a scene in the plane is made of."""
-    domain = meshing.read(MESHES / "strip.geo", comm, gdim=2, nx=cells[0], ny=cells[1], length=LENGTH, width=WIDTH)
+    domain = meshing.read(STRIP, comm, gdim=2, nx=cells[0], ny=cells[1], length=LENGTH, width=WIDTH)
     V = fem.functionspace(domain.mesh, ("Lagrange", 1, (2,)))
     u, v = fem.Function(V), ufl.TestFunction(V)
     strain, law, hooks = kinematics.membrane_strain(u, yarns.plane_axes(domain.mesh, 0.0)), law_of(scene), []
@@ -168,10 +166,10 @@ class Built:
         numbers = {"nx": cells[0], "ny": cells[1], "triangles": triangles}
         if scene.curved:
             self.domain = meshing.read(
-                MESHES / "cylinder.geo", comm, radius=LENGTH, length=WIDTH, angle=60, order=2, **numbers
+                meshing.MESHES / "cylinder.geo", comm, radius=LENGTH, length=WIDTH, angle=60, order=2, **numbers
             )
         else:
-            self.domain = meshing.read(MESHES / "strip.geo", comm, gdim=3, length=LENGTH, width=WIDTH, **numbers)
+            self.domain = meshing.read(STRIP, comm, gdim=3, length=LENGTH, width=WIDTH, **numbers)
         self.end = fem.Constant(self.domain.mesh, 0.0)
         G = FABRIC.shear.modulus[0]
         more = {"shear": (G, G), "layers": scene.layers, "element": scene.element} if scene.level == "shell" else {}

@@ -8,7 +8,6 @@ import itertools
 import warnings
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 import numpy as np
 import shell_cases
@@ -24,7 +23,6 @@ from fabric_fenicsx.solvers import statics
 from fabric_fenicsx.surfaces import meshing
 from fabric_fenicsx.terms import supports
 
-MESHES = Path(__file__).parent.parent / "meshes"
 COMM = MPI.COMM_SELF
 BLEND = fabrics.load("blend")
 G = BLEND.shear.modulus[0]
@@ -52,7 +50,7 @@ def scaled(curve, factor):
 def pulled(path, fabric=BLEND, law=Woven, angle=0.0, ends="free", cells=(9, 3), skew=0.0):
     """Pull a strip along a path of displacements, m: the strip, Newton iterations and cuts."""
     numbers = dict(zip(("nx", "ny"), cells, strict=True), length=fabric.gauge_length, width=fabric.width)
-    domain = meshing.read(MESHES / "strip.geo", COMM, gdim=2, **numbers)
+    domain = meshing.read(meshing.MESHES / "strip.geo", COMM, gdim=2, **numbers)
     if skew:
         shell_model.move_nodes(domain.mesh, skew, 1.0, numbers)
     strip = specimen.strip(domain, fabric, law(fabric), np.radians(angle), ends)
@@ -180,7 +178,7 @@ def rotation(quick):
     """A sheet of fabric is carried three times round by one of its ends."""
 
     def carry(steps):
-        domain = meshing.read(MESHES / "strip.geo", COMM, gdim=3, nx=4, ny=2, length=0.2, width=0.1)
+        domain = meshing.read(meshing.MESHES / "strip.geo", COMM, gdim=3, nx=4, ny=2, length=0.2, width=0.1)
         cloth = sheet.Sheet(domain, Woven(BLEND), BLEND.thickness, (G, G))
         held, move = supports.grip(domain, cloth.space, "fixed_end")
         led, also = supports.grip(domain, cloth.space, "pulled_end")

@@ -22,7 +22,8 @@ from tqdm import tqdm
 import fabric_fenicsx
 from fabric_fenicsx.app import command
 
-DEMOS = Path(__file__).parent.parent
+HERE = Path(__file__).parent
+DEMOS = HERE.parents[1]
 NAMES = ("blend", "denim", "duck", "muslin")
 LOWERED = ("duck", "muslin")
 TIMES = {"drape": (0.0, 0.1, 0.2, 0.3, 0.4, 0.5), "poke": (0.0, 0.15, 0.25, 0.35, 0.5)}
@@ -118,12 +119,13 @@ def listed(quick=False):
 def code(room, demos=DEMOS):
     """Hash of what a room of this folder imports, one file by another: demos and package; and of fabrics and meshes."""
     package = Path(fabric_fenicsx.__file__).parent
-    wanted, found = [demos / Path(__file__).parent.name / f"{room}.py"], set()
+    thesis = demos / HERE.parent.name
+    wanted, found = [thesis / HERE.name / f"{room}.py"], set()
     while wanted:
         file = wanted.pop()
         if file not in found and file.exists():
             found.add(file)
-            wanted += _imported(file, (demos, package.parent))
+            wanted += _imported(file, (thesis, demos, package.parent))
     data = [*(package / "fabrics").glob("*.toml"), *(demos.parent / "meshes").glob("*.geo")]
     told = hashlib.sha256()
     for file in sorted({*found, *data}, key=lambda file: (file.name, file.parent.name)):
@@ -179,7 +181,8 @@ def _one(case, folder):
     world = ("PMI", "PMIX", "OMPI", "MPI_", "MPIR", "HYDRA", "HYDI")
     environment = {name: value for name, value in os.environ.items() if not name.startswith(world)}
     environment |= {"OMP_NUM_THREADS": "1", "NUMBA_NUM_THREADS": "1"}
-    environment["PYTHONPATH"] = os.pathsep.join([str(DEMOS), str(DEMOS.parent), environment.get("PYTHONPATH", "")])
+    folders = [str(HERE.parent), str(DEMOS), str(DEMOS.parent)]
+    environment["PYTHONPATH"] = os.pathsep.join([*folders, environment.get("PYTHONPATH", "")])
     words = [case.function, json.dumps(case.settings), str(path)]
     answer = subprocess.run(
         [sys.executable, "-m", f"{__package__}.cases", *words], env=environment, capture_output=True, text=True,

@@ -11,8 +11,11 @@ and 28 turns: energy and angular momentum to 0.1 % (measured 0.025 and 0.018 %),
 from mpi4py import MPI  # isort: skip  (first, as in every DOLFINx script: it loads the MPI library)
 
 import argparse
+import sys
 from functools import partial
 from pathlib import Path
+
+sys.path.append(str(Path(__file__).parents[1]))  # the demos
 
 import moving
 import numpy as np
@@ -24,9 +27,10 @@ from fabric_fenicsx.app import command
 from fabric_fenicsx.errors import InputError
 from fabric_fenicsx.laws.svk import StVenantKirchhoff
 from fabric_fenicsx.output import results
+from fabric_fenicsx.surfaces import meshing
 from fabric_fenicsx.terms import supports
 
-MESH = Path(__file__).parent.parent / "meshes" / "square.geo"
+MESH = meshing.MESHES / "square.geo"
 SIDE, THICKNESS, DENSITY, G = 0.5, 0.02, 1000.0, 9.81
 E, NU = 1e10, 0.3
 AREAL_MASS = DENSITY * THICKNESS

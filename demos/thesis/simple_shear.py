@@ -29,7 +29,7 @@ from fabric_fenicsx.solvers import statics
 from fabric_fenicsx.surfaces import meshing, yarns
 from fabric_fenicsx.terms import hook, weakform
 
-MESH = Path(__file__).parent.parent / "meshes" / "square.geo"
+MESH = meshing.MESHES / "square.geo"
 SIDE = 0.0254  # m
 
 

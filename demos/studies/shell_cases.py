@@ -11,7 +11,7 @@ import numpy as np
 from mpi4py import MPI
 from shell_model import Case, Shell
 
-DATA = Path(__file__).parent.parent / "tests" / "data"
+DATA = Path(__file__).parents[2] / "tests" / "data"
 
 
 def table(name):

@@ -120,7 +120,7 @@ TARGETS = {"elastic": 6.0, "fabric": 9.0}
 def sheet(element, law, cells):
     """A square sheet of blend, 1 m, clamped at one edge, under 1e-6 of its weight: space, solver, hook or None."""
     fabric = fabrics.load("blend")
-    domain = meshing.read(shell_model.MESHES / "strip.geo", nx=cells, ny=cells, length=1.0, width=1.0,
+    domain = meshing.read(meshing.MESHES / "strip.geo", nx=cells, ny=cells, length=1.0, width=1.0,
                           triangles=int(directors.ELEMENTS[element][0] == "triangle"))  # fmt: skip
     space = directors.ShellSpace(domain.mesh, element)
     q, test = space.function(), ufl.TestFunction(space.V)
