@@ -22,9 +22,8 @@ lint: setup ## ruff's rules and format, and the types of the package
 setup: ## .venv and the system libraries, if anything is missing
 	@sh .setup/setup.sh
 
-docs: setup ## pages on every room and the demos to extend from, in out/docs
-	$(python) -m pdoc --docformat markdown -o out/docs fabric_fenicsx fabric_fenicsx.scenes.reading \
-		fabric_fenicsx.identify.listing fabric_fenicsx.identify.records demos/my_*.py demos/sleeve.py
+docs: setup ## theory, demos that are read from top to bottom, measured tables and the code, in out/docs
+	$(python) .setup/pages.py
 
 studies: setup ## what features cost, where the limits are, error against run time; tables and plots under out
 	$(python) demos/studies/lean_scenes.py

@@ -1,18 +1,23 @@
 """My own fabric: write down what you measured, and pull a strip of it.
 
-A fabric is a TOML file. Moduli are polynomials in the strain, so that loading_MPa = [40, 3000] means
-dS11/dE11 = 40 + 3000 E11 in MPa, over the measured thickness. Where you have force-displacement records and no
-polynomials, `fabric-fenicsx identify` writes such a file from them. A misspelt key, a missing number, a modulus that
-becomes negative: each is refused in one sentence that names it.
+A fabric is a TOML file. Where you have force-displacement records and no polynomials, `fabric-fenicsx identify` writes
+such a file from them. A misspelt key, a missing number, a modulus that becomes negative: each is refused in one
+sentence that names it.
 
-The checked number: a strip whose ends may contract is under uniaxial stress, so it must give the curve of the file,
-S11 = 40 E11 + 3000 E11^2 / 2.
+The checked number: a strip whose ends may contract is under uniaxial stress, so it must give the curve of the file.
 """
 
-from mpi4py import MPI  # isort: skip  (first, as in every DOLFINx script: it loads the MPI library)
+# %% [markdown]
+# ## The file
+# Moduli are polynomials in the strain, over the measured thickness: `loading_MPa = [40, 3000]` means
+#
+# $$ \frac{\mathrm{d}S_{11}}{\mathrm{d}E_{11}} = 40 + 3000\,E_{11} \quad\text{MPa}. $$
+#
+# `unloading_MPa` is the slope at the start of unloading, and $\nu_{12}$ the contraction along weft per stretch along
+# warp.
 
-import argparse
-from pathlib import Path
+# %%
+from mpi4py import MPI  # isort: skip  (first, as in every DOLFINx script: it loads the MPI library)
 
 import numpy as np
 
@@ -22,8 +27,6 @@ from fabric_fenicsx.laws.woven import Woven
 from fabric_fenicsx.output import pictures, results
 from fabric_fenicsx.solvers import statics
 from fabric_fenicsx.surfaces import meshing
-
-STRIP = meshing.MESHES / "strip.geo"
 
 MY_FABRIC = """
 name = "my_fabric"
@@ -46,7 +49,7 @@ strain = "engineering"            # the moduli are dS12 / d(2 E12); "tensor": dS
 loading_MPa = [0.5, 0, 8]
 unloading_MPa = 6
 
-[poisson]                         # nu12: contraction along weft per stretch along warp
+[poisson]
 measured = { nu12 = 0.30, nu21 = 0.20 }
 
 [test]                            # the strip, and how far its tests went: beyond that a warning says so
@@ -57,41 +60,49 @@ weft_displacement_mm = 10
 bias_displacement_mm = 20
 """
 
+# %% [markdown]
+# The path of the file is used like the name of a fabric that comes along, here and in every `--fabric linen.toml`.
 
-def main():
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--out", type=Path, default=Path("out/my_fabric"))
-    out = results.folder(command.parse(parser).out)
-    comm, file = MPI.COMM_WORLD, out / "my_fabric.toml"
-    if comm.rank == 0:
-        file.write_text(MY_FABRIC)
-    comm.Barrier()
+# %%
+args = command.script(__doc__, "out/my_fabric")
+file = args.out / "my_fabric.toml"
+if MPI.COMM_WORLD.rank == 0:
+    file.write_text(MY_FABRIC)
+MPI.COMM_WORLD.Barrier()
+fabric = fabrics.load(file)
 
-    # the file is used like the name of a fabric that comes along
-    fabric = fabrics.load(file)
-    domain = meshing.read(STRIP, gdim=2, length=fabric.gauge_length, width=fabric.width)
-    strip = specimen.strip(domain, fabric, Woven(fabric), ends="free")
-    pulls = np.linspace(0.0, fabric.displacement["warp"], 11)[1:]
-    with results.Table(out / "history.csv") as table:
-        for step in statics.march(strip.solver, strip.pull, pulls, progress=fabric.name):
-            stretch = step.load / fabric.gauge_length
-            force = strip.solver.reaction(strip.ends[1])
-            stress = force / (fabric.width * fabric.thickness) / (1 + stretch)
-            table.row(displacement_mm=1e3 * step.load, force_N=force, E11=stretch + stretch**2 / 2, S11_Pa=stress)
+# %% [markdown]
+# ## The test
+# A strip along x, its ends free to contract, is pulled as far as the tests went. Each accepted step is a row of
+# `history.csv`.
 
-    # look at it: the three curves of the file, and the strip
-    if comm.rank == 0:
-        fabric.plot(out / "curves.png")
-    strain = strip.hook.strain.mean(axis=1)[:, 0]
-    pictures.picture(out / "deformed.png", strip.u, strain, "warp strain E11 (-)", fabric.label)
+# %%
+domain = meshing.read(meshing.MESHES / "strip.geo", gdim=2, length=fabric.gauge_length, width=fabric.width)
+strip = specimen.strip(domain, fabric, Woven(fabric), ends="free")
+pulls = np.linspace(0.0, fabric.displacement["warp"], 11)[1:]
+with results.Table(args.out / "history.csv") as table:
+    for step in statics.march(strip.solver, strip.pull, pulls, progress=fabric.name):
+        stretch = step.load / fabric.gauge_length
+        force = strip.solver.reaction(strip.ends[1])
+        stress = force / (fabric.width * fabric.thickness) / (1 + stretch)
+        table.row(displacement_mm=1e3 * step.load, force_N=force, E11=stretch + stretch**2 / 2, S11_Pa=stress)
 
-    E11, S11 = table.column("E11"), table.column("S11_Pa")
-    miss = np.abs(S11 / (40e6 * E11 + 3000e6 * E11**2 / 2) - 1).max()
-    command.say(f"force at {table.rows[-1]['displacement_mm']:g} mm: {table.rows[-1]['force_N']:.4g} N")
-    command.say(f"largest miss of the curve in the file: {100 * miss:.2g} %")
-    command.say(f"check: the strip gives the curve to 0.01 %: {'yes' if miss <= 1e-4 else 'NO'}; see {out}")
-    return 0 if miss <= 1e-4 else 1
+if MPI.COMM_WORLD.rank == 0:
+    fabric.plot(args.out / "curves.png")
+strain = strip.hook.strain.mean(axis=1)[:, 0]
+pictures.picture(args.out / "deformed.png", strip.u, strain, "warp strain E11 (-)", fabric.label)
 
+# %% [markdown]
+# ![The three curves of the file](curves.png)
+#
+# ![The strip at its largest extension](deformed.png)
+#
+# ## The check
+# $$ S_{11} = 40\,E_{11} + \tfrac12\,3000\,E_{11}^2 \quad\text{MPa} $$
 
-if __name__ == "__main__":
-    command.run(main)
+# %%
+E11, S11 = table.column("E11"), table.column("S11_Pa")
+miss = np.abs(S11 / (40e6 * E11 + 3000e6 * E11**2 / 2) - 1).max()
+command.say(f"force at {table.rows[-1]['displacement_mm']:g} mm: {table.rows[-1]['force_N']:.4g} N")
+command.say(f"largest miss of the curve in the file: {100 * miss:.2g} %")
+command.check(miss <= 1e-4, "the strip gives the curve to 0.01 %", args.out)

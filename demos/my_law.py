@@ -3,19 +3,21 @@
 A law is a class with three members (`laws.Law`): the state of a point that was never strained, whether the tangent
 is symmetric, and `respond`, from strains (n, 3) = (E11, E22, 2 E12) and the committed state to stresses, tangents
 and the new state. It works on all points at once and forgets nothing itself: what it must remember is state.
-`laws.driver.check` asks it for everything that it promised, and names the first promise broken.
 
-Here a yarn keeps the largest strain m that it has had, and S = k E exp(-m/e): while it loads, m = E; on the way back
-it is a straight line to the origin, softer than before. Shear is linear.
-
-The checked number: a strip, a shell with three layers, is pulled to 8 % and back to 4 %; its force is that of the
-formula, and the work that is lost round the cycle is k (e^2 (1 - (1 + m/e) exp(-m/e)) - m^2 exp(-m/e)/2) a volume.
+The checked number: a strip, a shell with three layers, is pulled to 8 % and back to 4 %; its force, and the work that
+is lost round the cycle, are those of the formulas.
 """
 
-from mpi4py import MPI  # noqa: F401, isort: skip  (first, as in every DOLFINx script: it loads the MPI library)
+# %% [markdown]
+# ## The law
+# A yarn keeps the largest strain $m$ that it has had, and
+#
+# $$ S = k\,E\,e^{-m/e} . $$
+#
+# While it loads, $m = E$; on the way back it is a straight line to the origin, softer than before. Shear is linear.
 
-import argparse
-from pathlib import Path
+# %%
+from mpi4py import MPI  # noqa: F401, isort: skip  (first, as in every DOLFINx script: it loads the MPI library)
 
 import numpy as np
 
@@ -27,7 +29,6 @@ from fabric_fenicsx.solvers import statics
 from fabric_fenicsx.surfaces import meshing
 from fabric_fenicsx.terms import supports
 
-STRIP = meshing.MESHES / "strip.geo"
 LENGTH, WIDTH, THICKNESS = 0.1, 0.03, 0.5e-3  # m
 
 
@@ -56,41 +57,51 @@ class Softening:
         return stress, tangent, new
 
 
-def main():
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--out", type=Path, default=Path("out/my_law"))
-    out = results.folder(command.parse(parser).out)
-    law = Softening()
-    command.say("driver:", driver.check(law))
+# %% [markdown]
+# `laws.driver.check` asks a law for everything that it promised, and names the first promise broken: shapes, purity,
+# the tangent against differences, no state left behind.
 
-    domain = meshing.read(STRIP, length=LENGTH, width=WIDTH)
-    strip = sheet.Sheet(domain, law, THICKNESS, shear=(law.G, law.G))
-    held, move = supports.grip(domain, strip.space, "pulled_end")
-    solver = strip.equilibrium(supports.clamp(domain, strip.space, "fixed_end") + held)
-    end = supports.unknowns(domain, strip.space, "pulled_end", 0)
-    pulls = LENGTH * np.concatenate([np.linspace(0, 0.08, 41)[1:], np.linspace(0.08, 0.0, 41)[1:]])
-    with results.Table(out / "history.csv") as table:
-        for step in statics.march(solver, lambda pull: move((pull, 0, 0)), pulls, progress="strip"):
-            table.row(displacement_m=step.load, force_N=solver.reaction(end))
-            if step.number == 40:
-                u, strain, yarns = strip.displacement(), strip.cell_strain()[:, 0], strip.yarns()
-                pictures.picture(out / "deformed.png", u, strain, "warp strain E11 (-)", "at 8 %", yarns=yarns)
+# %%
+args = command.script(__doc__, "out/my_law")
+law = Softening()
+command.say("driver:", driver.check(law))
 
-    stretch = table.column("displacement_m") / LENGTH
-    E = stretch + stretch**2 / 2
-    m = np.maximum.accumulate(E)
-    area, force = WIDTH * THICKNESS, table.column("force_N")
-    expected = area * (1 + stretch) * law.k[0] * E * np.exp(-m / law.e)
-    miss = np.abs(force - expected).max() / force.max()
-    soft, x = np.exp(-m[-1] / law.e), m[-1] / law.e
-    lost = law.k[0] * (law.e**2 * (1 - (1 + x) * soft) - m[-1] ** 2 * soft / 2) * area * LENGTH
-    work = np.trapezoid(np.append(0, force), np.append(0, table.column("displacement_m")))
-    command.say(f"largest force {force.max():.4f} N, miss {100 * miss:.2g} %")
-    command.say(f"work lost {work:.6f} J by the force, {lost:.6f} J by the formula")
-    good = miss <= 1e-5 and abs(work / lost - 1) <= 5e-3
-    command.say(f"check: force to 0.001 %, lost work to 0.5 %: {'yes' if good else 'NO'}; see {out}")
-    return 0 if good else 1
+# %% [markdown]
+# ## A strip of it
+# A shell of one material on a mesh; one end is clamped, the other gripped by a rigid clamp that is led along x.
 
+# %%
+domain = meshing.read(meshing.MESHES / "strip.geo", length=LENGTH, width=WIDTH)
+strip = sheet.Sheet(domain, law, THICKNESS, shear=(law.G, law.G))
+held, move = supports.grip(domain, strip.space, "pulled_end")
+solver = strip.equilibrium(supports.clamp(domain, strip.space, "fixed_end") + held)
+end = supports.unknowns(domain, strip.space, "pulled_end", 0)
+pulls = LENGTH * np.concatenate([np.linspace(0, 0.08, 41)[1:], np.linspace(0.08, 0.0, 41)[1:]])
+with results.Table(args.out / "history.csv") as table:
+    for step in statics.march(solver, lambda pull: move((pull, 0, 0)), pulls, progress="strip"):
+        table.row(displacement_m=step.load, force_N=solver.reaction(end))
+        if step.number == 40:
+            u, strain, yarns = strip.displacement(), strip.cell_strain()[:, 0], strip.yarns()
+            pictures.picture(args.out / "deformed.png", u, strain, "warp strain E11 (-)", "at 8 %", yarns=yarns)
 
-if __name__ == "__main__":
-    command.run(main)
+# %% [markdown]
+# ![The strip at 8 %](deformed.png)
+#
+# ## The check
+# With the stretch $\lambda$ the force is $A\,\lambda\,k E\,e^{-m/e}$, and the work lost in a cycle, per volume,
+#
+# $$ k\left( e^2\left(1 - (1 + m/e)\,e^{-m/e}\right) - \tfrac12 m^2 e^{-m/e} \right) . $$
+
+# %%
+stretch = table.column("displacement_m") / LENGTH
+E = stretch + stretch**2 / 2
+m = np.maximum.accumulate(E)
+area, force = WIDTH * THICKNESS, table.column("force_N")
+expected = area * (1 + stretch) * law.k[0] * E * np.exp(-m / law.e)
+miss = np.abs(force - expected).max() / force.max()
+soft, x = np.exp(-m[-1] / law.e), m[-1] / law.e
+lost = law.k[0] * (law.e**2 * (1 - (1 + x) * soft) - m[-1] ** 2 * soft / 2) * area * LENGTH
+work = np.trapezoid(np.append(0, force), np.append(0, table.column("displacement_m")))
+command.say(f"largest force {force.max():.4f} N, miss {100 * miss:.2g} %")
+command.say(f"work lost {work:.6f} J by the force, {lost:.6f} J by the formula")
+command.check(miss <= 1e-5 and abs(work / lost - 1) <= 5e-3, "force to 0.001 %, lost work to 0.5 %", args.out)

@@ -8,10 +8,14 @@ import sys
 import traceback
 import warnings
 from collections.abc import Callable
+from pathlib import Path
+from types import TracebackType
+from typing import NoReturn
 
 from mpi4py import MPI
 
 from ..errors import InputError, StepFailed
+from ..output import results
 
 
 def number(text: str) -> float:
@@ -60,6 +64,38 @@ def parse(parser: argparse.ArgumentParser) -> argparse.Namespace:
             stack.enter_context(contextlib.redirect_stderr(io.StringIO()))
             stack.enter_context(contextlib.redirect_stdout(io.StringIO()))
         return parser.parse_args()
+
+
+def script(description: str, out: str, **numbers: int | float) -> argparse.Namespace:
+    """The command line of a script without a `main`, which is read from top to bottom; `check` ends it.
+
+    Options are --out, a folder that is made, and one for each of `numbers`, named and with defaults. From here on an
+    InputError or StepFailed, which all ranks raise together, is said in one sentence.
+    """
+    parser = argparse.ArgumentParser(description=description, formatter_class=Help)
+    parser.add_argument("--out", type=Path, default=Path(out), help="folder of the results")
+    for name, default in numbers.items():
+        parser.add_argument(f"--{name}", type=positive if isinstance(default, int) else number, default=default)
+    args = parse(parser)
+
+    def said(kind: type[BaseException], error: BaseException, trace: TracebackType | None) -> None:
+        if not isinstance(error, InputError | StepFailed):
+            sys.__excepthook__(kind, error, trace)
+            if MPI.COMM_WORLD.size > 1:
+                MPI.COMM_WORLD.Abort(1)  # the other ranks may be waiting for this one
+        elif MPI.COMM_WORLD.rank == 0:
+            print(f"error: {error}", file=sys.stderr, flush=True)
+
+    sys.excepthook = said
+    warnings.formatwarning = lambda message, *_, **__: f"warning: {message}\n"
+    args.out = results.folder(args.out)
+    return args
+
+
+def check(good: bool, what: str, out: Path) -> NoReturn:
+    """Say whether a script's checked number is right, and leave: with status 1 if it is not."""
+    say(f"check: {what}: {'yes' if good else 'NO'}; see {out}")
+    sys.exit(0 if good else 1)
 
 
 def say(*words: object) -> None:
