@@ -61,7 +61,7 @@ def pair(text):
 def add_arguments(parser, end, rho):
     """What every sheet in motion can be asked."""
     parser.add_argument("--fabric", default="blend", help="name, or a TOML file")
-    parser.add_argument("--law", choices=named.NAMES, default="continuous", help="svk: elastic, of the first moduli")
+    parser.add_argument("--law", choices=named.NAMES, default=named.DEFAULT, help="svk: elastic, of the first moduli")
     parser.add_argument("--isotropic", type=pair, metavar="E,NU", help="linear elastic instead; Pa")
     parser.add_argument("--poisson", choices=["measured", "lowered"], default="measured", help="Poisson's ratios")
     parser.add_argument("--no-shear-hysteresis", action="store_true", help="shear comes back as it went")

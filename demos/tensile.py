@@ -38,7 +38,7 @@ class Case:
 
     fabric: fabrics.Fabric
     angle: float = 0.0
-    law: str = "continuous"
+    law: str = named.DEFAULT
     poisson: str = "measured"
     cells: tuple[int, int] = (36, 12)
     degree: int = 2
@@ -251,7 +251,7 @@ def arguments():
     parser.add_argument(
         "--angle", type=angles, default="0", help="degrees from the load to the warp, or all: 0, 90 and 45"
     )
-    parser.add_argument("--law", choices=named.MEASURED, default="continuous", help="the thesis's is the printed one")
+    parser.add_argument("--law", choices=named.MEASURED, default=named.DEFAULT, help="the thesis's is the printed one")
     parser.add_argument("--poisson", choices=["measured", "lowered"], default="measured", help="Poisson's ratios")
     parser.add_argument("--cells", type=command.grid, default="36x12", help="cells along and across the strip")
     parser.add_argument(

@@ -242,6 +242,14 @@ def test_own_fabric(tmp_path: Path) -> None:
     assert fabrics.load(write(tmp_path, b"\xef\xbb\xbf" + OWN.replace("\n", "\r\n").encode())) == own  # from Windows
 
 
+def test_stiffness_across_and_its_source(tmp_path: Path) -> None:
+    table = '[transverse]\nwarp = 0.2\nweft = 0.15\nsource = "contraction of clamped strips"\n'
+    own = fabrics.load(write(tmp_path, OWN + table))
+    assert (own.transverse, own.transverse_source) == ((0.2, 0.15), "contraction of clamped strips")
+    without = fabrics.load(write(tmp_path, OWN))
+    assert (without.transverse, without.transverse_source) == ((0.3, 0.3), "assumed")
+
+
 def test_limit_strain_of_a_tensor_curve_is_a_tensor_strain(tmp_path: Path) -> None:
     text = OWN.replace('"engineering"', '"tensor"\nlimit_strain = 0.2')
     assert fabrics.load(write(tmp_path, text)).shear == fabrics.Curve((0.25e6, 0.0, 0.0, 0.0), 1.5e6, 0.4)
@@ -300,6 +308,9 @@ FAULTS = {
     "negative ratio": ("nu12 = 0.3", "nu12 = -0.3", ["poisson.measured.nu12 = -0.3", "negative", "sign"]),
     "unknown measure": ('"engineering"', '"gamma"', ["shear.strain = 'gamma'", '"tensor"', '"engineering"']),
     "measure no text": ('"engineering"', "[2]", ["shear.strain = [2]", '"tensor"']),
+    "no source": ("[warp]", "transverse = {warp = 1, weft = 1}\n[warp]", ["transverse.source is missing"]),
+    "its source": ("[warp]", 'transverse = {warp = 1, weft = 1, source = ""}\n[warp]', ["known are assumed, biaxial"]),
+    "none across": ("[warp]", 'transverse = {warp = 1, weft = 0, source = "assumed"}\n[warp]', ["transverse.weft = 0"]),
     "broken line": ('material = "Flax"', "material = Flax", ["not TOML", "line 4"]),
     "too deep": ("[0.5]", 5000 * "[", ["not TOML"]),
     "same key twice": ('label = "L1"', 'name = "x"', ["not TOML", "line 3"]),

@@ -70,7 +70,7 @@ def each(name, values):
 def point(quick):
     base = {"law": "continuous", "steps": 40}
     counts = (5, 20) if quick else (2, 5, 10, 20, 40, 80, 160, 320)
-    settings = vary(base, *({"law": law, "steps": n} for law in named.MEASURED for n in counts))
+    settings = vary(base, *({"law": law, "steps": n} for law in named.THESIS for n in counts))
     finest = 640 if quick else 2560
     return Case("point", "Material point, uniaxial at 30° to the warp, half unloaded", "stress at both ends", base,
                 settings, base | {"steps": finest}, base | {"steps": finest // 2})  # fmt: skip

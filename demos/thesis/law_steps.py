@@ -169,7 +169,7 @@ def main():
     cycles, studies, right = [], [], True
     for case in cases:
         peaks = {}
-        for law in named.MEASURED:
+        for law in named.THESIS:
             case = replace(case, law=law)
             scene = strip(case, comm)
             row = cycle(case, scene, comm)

@@ -19,6 +19,9 @@ Where the thesis contradicts itself, these files follow the reading that its own
 - Poisson's ratios: nu12 is the contraction along weft per stretch along warp, as in (3.3) and (6.11), not as
   the misprinted (3.4), (7.3) would have it. "lowered" holds Table 7.4, used there for duck and muslin.
 
+- How stiff a fabric is in biaxial tension was not measured; `transverse` of a file, with its source, is for that.
+  Where a file has none it is assumed.
+
 The calibrated range of a curve ends at E = d + d^2/2, (3.2), with d = displacement / gauge length of its test,
 or at the file's `limit_strain`. For shear, E is the tensor component E12 of the bias test: the yarns hardly
 stretch there, E11 + E22 = 0, so that the axial strain (E11 + E22)/2 + E12 is E12.

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from os import PathLike
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal, get_args
 
 import numpy as np
 from numpy.polynomial import polynomial
@@ -41,6 +41,12 @@ class Curve:
         return np.asarray(polynomial.polyval(inside, self.modulus))
 
 
+type TransverseSource = Literal["assumed", "biaxial record", "contraction of clamped strips"]
+TRANSVERSE_SOURCES: tuple[str, ...] = get_args(TransverseSource.__value__)
+TRANSVERSE = 0.3
+"""Where nothing was measured: with 0.1 to 0.3 clamped strips give back their curves and their contraction."""
+
+
 @dataclass(frozen=True)
 class Fabric:
     """One woven fabric in SI units; stresses are over the measured thickness.
@@ -49,6 +55,8 @@ class Fabric:
                    nu12 is the contraction along weft per stretch along warp
     displacement:  how far the tests along "warp", "weft", "bias" went (m), on strips of gauge_length x width (m)
     sources:       where the numbers come from, by the entries of the file
+    transverse:    stiffness that tension of the warp (of the weft) adds across it, mean over its measured range, as a
+                   part of D2(0) (of D1(0)) / (1 - nu12 nu21): how stiff the fabric is in biaxial tension
     """
 
     name: str
@@ -65,6 +73,8 @@ class Fabric:
     width: float
     displacement: dict[str, float]
     sources: dict[str, str]
+    transverse: tuple[float, float] = (TRANSVERSE, TRANSVERSE)
+    transverse_source: TransverseSource = "assumed"
 
     def plot(self, path: str | PathLike[str] | None = None) -> Figure:
         """Draw loading, its continuation by the tangent, and unloading, for warp, weft, shear; save if asked.

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from os import PathLike
 from pathlib import Path
+from typing import cast
 
 import numpy as np
 from numpy.polynomial import Polynomial
@@ -11,7 +12,7 @@ from numpy.polynomial import Polynomial
 from fabric_fenicsx import entries
 from fabric_fenicsx.entries import Table
 from fabric_fenicsx.errors import InputError
-from fabric_fenicsx.fabrics.data import Curve, Fabric
+from fabric_fenicsx.fabrics.data import TRANSVERSE, TRANSVERSE_SOURCES, Curve, Fabric, TransverseSource
 
 _HERE = Path(__file__).parent
 
@@ -39,7 +40,9 @@ def load(name_or_path: str | PathLike[str]) -> Fabric:
 
 
 def _fabric(file: Table) -> Fabric:
-    file.expect("name label material weave thickness_mm density_kg_per_m3 warp weft shear poisson test", "sources")
+    file.expect(
+        "name label material weave thickness_mm density_kg_per_m3 warp weft shear poisson test", "transverse sources"
+    )
     test = file.table("test")
     test.expect("gauge_length_mm width_mm warp_displacement_mm weft_displacement_mm bias_displacement_mm")
     gauge_mm = test.positive("gauge_length_mm")
@@ -52,6 +55,7 @@ def _fabric(file: Table) -> Fabric:
 
     poisson = file.table("poisson")
     poisson.expect("measured", "lowered")
+    across, source = _transverse(file)
     sources = file.table("sources") if "sources" in file.entries else Table(file.file, "sources.", {})
     sources.expect("", " ".join(file.entries))
     return Fabric(
@@ -69,6 +73,8 @@ def _fabric(file: Table) -> Fabric:
         width=width_mm / 1000,
         displacement={way: d / 1000 for way, d in moved_mm.items()},
         sources={key: sources.text(key) for key in sources.entries},
+        transverse=across,
+        transverse_source=source,
     )
 
 
@@ -85,6 +91,16 @@ def _ratios(table: Table) -> tuple[float, float]:
         reason = f"times {table.prefix}nu21 = {nu21:g} is {nu12 * nu21:.4g}, and from 1 on no sheet is stable"
         table.refuse("nu12", reason, "give ratios whose product is below 1")
     return nu12, nu21
+
+
+def _transverse(file: Table) -> tuple[tuple[float, float], TransverseSource]:
+    """(warp, weft) and their source, see `Fabric`; assumed where the table is left out."""
+    if "transverse" not in file.entries:
+        return (TRANSVERSE, TRANSVERSE), "assumed"
+    table = file.table("transverse")
+    table.expect("warp weft source")
+    source = cast(TransverseSource, table.choice("source", TRANSVERSE_SOURCES))
+    return (table.positive("warp"), table.positive("weft")), source
 
 
 def _curve(table: Table, reach: float, more: str = "") -> Curve:

@@ -123,9 +123,12 @@ class _Search:
             max(unloading, float(modulus[0])) / 2,
             2 * self.limit,
         )
-        ratios = found.ratio("nu12"), found.ratio("nu21")
+        ratios, texts = (found.ratio("nu12"), found.ratio("nu21")), self.t.texts
         return fabrics.Fabric(
-            **self.t.texts,
+            name=texts["name"],
+            label=texts["label"],
+            material=texts["material"],
+            weave=texts["weave"],
             thickness=strip.thickness,
             density=self.t.density,
             warp=warp,

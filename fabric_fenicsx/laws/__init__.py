@@ -1,11 +1,14 @@
 """Pointwise laws: strain and committed state in, stress, tangent and new state out.
 
+`Law` is all that a law has to be. What it may offer besides are the protocols after it, one member each: whoever needs
+one asks `isinstance(law, HasPotential)`, and `driver.check` tests those that a law has.
+
 Every law works on batches of points in warp/weft axes. For the plane laws of this package a
 strain is packed as (E11, E22, 2 E12), Green-Lagrange, and a stress as (S11, S22, S12), second
 Piola-Kirchhoff, in Pa; 1 is the warp, 2 the weft.
 """
 
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,4 +39,54 @@ class Law(Protocol):
         state, shaped as `state`. `out` takes three such arrays to write into. A point with a
         strain that is not finite gets a stress of NaN; nothing raises.
         """
+        ...
+
+
+@runtime_checkable
+class HasStiffness(Protocol):
+    """A linear law without history: S = C E."""
+
+    stiffness: Array
+    """C (m, m) in Pa, row = stress, column = strain."""
+
+
+@runtime_checkable
+class HasStiffest(Protocol):
+    """A law of which a bound of the tangent is known, as the step of explicit motion needs it."""
+
+    @property
+    def stiffest(self) -> Law:
+        """A linear law that is as stiff as this one within its measured range, whatever its history."""
+        ...
+
+
+@runtime_checkable
+class HasRecoverable(Protocol):
+    """A law that tells how much of its work can be had back."""
+
+    def recoverable(self, strain: Array, state: Array) -> Array:
+        """Work in J/m3 (n,) that points of these strains, and the states after them, give back; not negative."""
+        ...
+
+
+@runtime_checkable
+class HasPotential(HasRecoverable, Protocol):
+    """A law whose stress from a committed state s0 is the gradient of an energy W(E; s0).
+
+    The work of a step from the committed strain E0 to E1 is W(E1; s0) - W(E0; s0), whatever the path between them.
+    W(E0; s0) is what E0 gives back. With s1 the state after the step, W(E1; s1) is what E1 gives back, and the
+    dissipation of the step, W(E1; s0) - W(E1; s1), is not negative. The tangent is symmetric.
+    """
+
+    def potential(self, strain: Array, state: Array) -> Array:
+        """W in J/m3 (n,) at strains (n, m) from committed states (n, number of state variables)."""
+        ...
+
+
+@runtime_checkable
+class HasCalibration(Protocol):
+    """A law that was measured up to some strain only."""
+
+    def beyond_calibration(self, strain: Array) -> str | None:
+        """One sentence if a strain (n, m) lies beyond the measured range, else None."""
         ...

@@ -2,12 +2,17 @@
 
 from ..fabrics import Fabric
 from . import Law
+from .potential import Potential
 from .printed import Printed
 from .svk import StVenantKirchhoff
 from .woven import Woven
 
-MEASURED = {"continuous": Woven, "printed": Printed}
+THESIS = {"continuous": Woven, "printed": Printed}
+"""Chapter 6 as a continuous function of strain, and to the letter."""
+MEASURED = {**THESIS, "potential": Potential}
 """Laws of the whole measured behaviour."""
+DEFAULT = "continuous"
+"""The law of scenes and command lines that name none."""
 NAMES = (*MEASURED, "svk")
 """All names; svk is linear elasticity with the fabric's first moduli."""
 

@@ -5,11 +5,14 @@ the resultants N = sum w_l S_l and M = sum w_l z_l S_l are conjugate to E and K:
 area, (5.17) integrated through the thickness.
 """
 
+from collections.abc import Callable
+from functools import partial
+
 import numba
 import numpy as np
 
 from ..errors import InputError
-from . import Array, Law
+from . import Array, HasPotential, HasRecoverable, HasStiffest, Law
 
 
 class Section:
@@ -18,7 +21,8 @@ class Section:
     Its strain is packed as (E11, E22, 2 E12, K11, K22, 2 K12), the strain at a height z being E + z K;
     with `quadratic` three more components follow, which go with z^2. Its stress is the resultants
     (N, M, ...), the integrals of S, z S and z^2 S, in N/m, N and N m. Its state is the law's own at
-    each layer, one after the other. `elastic` tells the same in closed form for a linear law.
+    each layer, one after the other. What the law offers besides, energies and `stiffest`, it offers too.
+    `elastic` tells the same in closed form for a linear law.
 
     thickness in m; layers: number of points, at least 2 for the section to bend. Raises InputError.
     """
@@ -35,9 +39,11 @@ class Section:
         self._moments = self._weights * self.heights ** np.arange(5 if quadratic else 3)[:, None]
         self.initial_state = np.tile(law.initial_state, layers)
         self.symmetric = law.symmetric
-        if hasattr(law, "recoverable"):
-            self.recoverable = self._recoverable
-        if hasattr(law, "stiffest"):
+        if isinstance(law, HasRecoverable):
+            self.recoverable = partial(self._through, law.recoverable)
+        if isinstance(law, HasPotential):
+            self.potential = partial(self._through, law.potential)
+        if isinstance(law, HasStiffest):
             self.stiffest = Section(law.stiffest, thickness, layers, quadratic)
         self._scratch: tuple[Array, ...] = (np.empty((0, 3)), np.empty((0, 3)), np.empty((0, 3, 3)))
 
@@ -68,13 +74,13 @@ class Section:
             _moduli(stiffness.reshape(-1, 9), self._moments, moduli)
         return out
 
-    def _recoverable(self, strain: Array, state: Array) -> Array:
-        """Work in J/m2 (n,) that the layers give back."""
+    def _through(self, energy: Callable[[Array, Array], Array], strain: Array, state: Array) -> Array:
+        """An energy of the law, J/m3, summed over the layers: J/m2 (n,)."""
         n, layers = len(strain), len(self._powers)
         layer_strain = np.empty((n * layers, 3))
         _spread(np.ascontiguousarray(strain), self._powers, layer_strain)
-        energy = self.law.recoverable(layer_strain, state.reshape(n * layers, -1))  # type: ignore[attr-defined]
-        return np.asarray(energy.reshape(n, layers) @ self._weights)
+        density = energy(layer_strain, state.reshape(n * layers, self.law.initial_state.size))
+        return np.asarray(density.reshape(n, layers) @ self._weights)
 
     def elastic(self, stiffness: Array) -> Array:
         """Stiffness (m, m) of the section for a law of constant stiffness (3, 3): diag(h C, h^3/12 C, ...)."""

@@ -14,6 +14,7 @@ class StVenantKirchhoff:
 
     `stiffness` is C, shape (m, m), in Pa, row = stress, column = strain, shear strain as 2 E12. It need
     not be symmetric; its symmetric part has to be positive definite, so that every strain costs work.
+    Where it is symmetric, the elastic energy is there as `potential` and as `recoverable`.
     InputError where it is not square, finite and positive definite.
     """
 
@@ -37,6 +38,9 @@ class StVenantKirchhoff:
         self.stiffness: Array = C
         self.symmetric: bool = bool(np.allclose(C, C.T, rtol=0, atol=1e-14 * np.abs(C).max()))
         self.initial_state: Array = np.empty(0)
+        if self.symmetric:
+            self.potential = self._energy
+            self.recoverable = self._energy
 
     @classmethod
     def isotropic(cls, E: float, nu: float) -> Self:
@@ -96,6 +100,10 @@ class StVenantKirchhoff:
         tangent[...] = self.stiffness
         new_state[...] = state
         return stress, tangent, new_state
+
+    def _energy(self, strain: Array, state: Array) -> Array:
+        """Elastic energy E . C E / 2 in J/m3 (n,); a member, as `potential` and `recoverable`, where C is symmetric."""
+        return np.asarray(0.5 * np.einsum("na,ab,nb->n", strain, self.stiffness, strain))
 
 
 def _require_positive(**moduli: float) -> None:

@@ -11,7 +11,7 @@ Every key, with its default where it has one:
 
     [sheet]
     fabric = "blend"                            # a name, or a TOML file beside this one
-    law = "continuous"                          # printed, svk (St. Venant-Kirchhoff with the fabric's first moduli)
+    law = "continuous"                          # printed, potential, svk (linear, the fabric's first moduli)
     poisson = "measured"                        # lowered
     shear_hysteresis = true
     warp = [1, 0, 0]                            # a direction; or one for each group: { sleeve = [0, 0, 1] }
@@ -62,7 +62,7 @@ import numpy as np
 
 from .. import entries
 from ..entries import Table
-from ..laws.named import NAMES
+from ..laws.named import DEFAULT, NAMES
 from ..output.frames import LABELS
 from ..output.pictures import VIEW
 from ..shell.directors import ELEMENTS
@@ -186,7 +186,7 @@ def read(path: str | Path) -> Scene:
         numbers={key: numbers.number(key, value) for key, value in numbers.entries.items()},
         orient=mesh.yes("orient"),
         fabric=str(path.parent / fabric) if fabric.endswith(".toml") else fabric,
-        law=sheet.choice("law", NAMES),
+        law=sheet.choice("law", NAMES, DEFAULT),
         poisson=sheet.choice("poisson", ("measured", "lowered")),
         shear_hysteresis=sheet.yes("shear_hysteresis", True),
         warp=_warp(sheet),

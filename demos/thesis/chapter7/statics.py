@@ -22,7 +22,7 @@ from fabric_fenicsx.laws import named
 from fabric_fenicsx.output import pictures
 
 warnings.filterwarnings("ignore", message=".*beyond the measured")  # the sections say it
-LAWS = named.MEASURED
+LAWS = named.THESIS
 WAYS = {way: angle for angle, way in tensile.WAYS.items()}
 
 
