@@ -7,10 +7,6 @@ exec 9<.setup && flock 9 # of two jobs started together, one waits for the other
 
 say() { echo "fabric_fenicsx: $*" >&2; }
 
-# A form compile that was killed leaves its .c behind, and DOLFINx would wait for it to be finished.
-find "${XDG_CACHE_HOME:-$HOME/.cache}/fenics" -name '*.c' -mmin +10 2>/dev/null |
-    while read -r c; do [ -e "$c.cached" ] || rm -f "$c"; done
-
 # The pins have been tried with these Pythons. The real path is asked for, because the name may be
 # a version manager's shim or belong to the .venv that is about to be replaced.
 works='import ctypes, os, ssl, sys, zlib

@@ -38,7 +38,7 @@ Rooms, in the order in which a scene goes through them, and their names; each ro
 
 The other rooms serve these: `surfaces.checking` and `surfaces.importing` a mesh, `shell.rotation` the directors,
 `terms.kernels` the stiffness, `solvers.stepper`, `solvers.step` and `solvers.stable_step` the motions, `entries` the
-TOML files, `app.doctor` the command.
+TOML files, `compiling` the forms that are compiled once and kept, `app.doctor` the command.
 
 The five demos `my_fabric`, `my_mesh`, `my_load`, `my_law` and `my_term` are short, each ends in an exact check, and are
 meant to be copied and changed.
@@ -69,9 +69,12 @@ import sys
 from importlib.util import find_spec
 from pathlib import Path
 
+from . import system
+
 __version__ = "0.1.0"
 MISSING = ""
 
+system.settle()
 try:
     if find_spec("dolfinx_solver"):
         import dolfinx_solver  # noqa: F401  the wheel's DOLFINx finds its MPI only after this
@@ -79,6 +82,9 @@ try:
 
     if not dolfinx.__version__.startswith("0.11."):
         raise ImportError(f"DOLFINx is version {dolfinx.__version__}")
+    from . import compiling
+
+    compiling.install()
 except ImportError as error:
     MISSING = (
         f"fabric_fenicsx needs DOLFINx 0.11 ({error}): run 'make setup' in its source folder, or take it "

@@ -4,12 +4,15 @@ Run by the Python that is to use them, with nothing but the standard library. Wi
 says nothing; else standard error gets one sentence and standard output the Debian packages.
 """
 
+import contextlib
 import ctypes
 import functools
 import importlib.util
 import os
 import shlex
 import shutil
+import stat
+import struct
 import subprocess
 import sys
 import sysconfig
@@ -40,6 +43,75 @@ def loads(library: str) -> bool:
     except OSError:
         return False
     return True
+
+
+SETTLED: list[str] = []
+"""What `settle` has changed, in sentences."""
+
+
+def settle() -> None:
+    """Where this user has no home folder, or no cache that can be written, let libraries use a temporary one.
+
+    ADIOS2 ends the process where HOME is not set; DOLFINx, Numba and Matplotlib keep what they compile in the cache.
+    """
+    home = os.environ.get("HOME")
+    if not home or not _entered(home):
+        os.environ["HOME"] = _home()
+        said = f"HOME={home} cannot be used" if home else "HOME is not set"
+        SETTLED.append(f"{said}; {os.environ['HOME']} is used")
+    cache = os.environ.get("XDG_CACHE_HOME") or str(Path(os.environ["HOME"], ".cache"))
+    if not writable(Path(cache, "fenics")):
+        os.environ["XDG_CACHE_HOME"] = str(_temporary())
+        SETTLED.append(f"{cache} cannot be written; {os.environ['XDG_CACHE_HOME']} is used")
+    elif os.environ.get("XDG_CACHE_HOME") == "":  # as good as not set, but DOLFINx takes it for the present folder
+        del os.environ["XDG_CACHE_HOME"]
+
+
+def writable(folder: Path) -> bool:
+    """Whether a folder can be written, or made."""
+    present = next(parent for parent in (folder, *folder.absolute().parents) if os.path.exists(parent))
+    return os.path.isdir(present) and os.access(present, os.W_OK | os.X_OK)
+
+
+def complete(library: Path) -> bool:
+    """Whether a library is not cut short: the loader would end the process where a page of it is missing."""
+    with open(library, "rb") as file:
+        head = file.read(64)
+    if sys.platform != "linux":
+        return len(head) == 64
+    if len(head) < 64 or head[:6] != b"\x7fELF\x02\x01":
+        return False
+    # the table of sections is what the linker writes last
+    (start,), (size, count) = struct.unpack_from("<Q", head, 0x28), struct.unpack_from("<HH", head, 0x3A)
+    return bool(library.stat().st_size >= start + size * count)
+
+
+def _entered(folder: str) -> bool:
+    """Whether this user may look for files in a folder, which need not be there."""
+    try:
+        os.stat(Path(folder, ".config"))
+    except OSError as error:
+        return isinstance(error, FileNotFoundError)
+    return True
+
+
+def _home() -> str:
+    """That of the list of users, if there is one."""
+    os.environ.pop("HOME", None)
+    with contextlib.suppress(RuntimeError):
+        if _entered(home := str(Path.home())):
+            return home
+    return str(_temporary())
+
+
+def _temporary() -> Path:
+    """A folder of this user alone, the same for all ranks and later runs."""
+    folder = Path(tempfile.gettempdir(), f"fabric_fenicsx-{os.getuid()}")
+    folder.mkdir(mode=0o700, exist_ok=True)
+    found = folder.lstat()
+    if found.st_uid == os.getuid() and stat.S_IMODE(found.st_mode) == 0o700 and stat.S_ISDIR(found.st_mode):
+        return folder
+    return Path(tempfile.mkdtemp())
 
 
 def mpirun() -> str | None:

@@ -19,16 +19,12 @@ os.environ.update(
 )
 
 import fabric_fenicsx  # noqa: F401 I001  first: it loads the MPI that the rest is to use
-import dolfinx.jit
 import pytest
 from hypothesis import settings
 from mpi4py import MPI
 
 COMM = MPI.COMM_WORLD.Dup()  # the tests' own messages stay apart from the harness's
 STDERR = pytest.StashKey[int]()  # the real one, which capturing does not redirect
-
-# A second run may be compiling the same form on a busy machine; 10 s would be too short to wait.
-dolfinx.jit.DOLFINX_DEFAULT_JIT_OPTIONS["timeout"] = (180, "Timeout for JIT compilation")
 
 # Ranks must draw the same examples, and the first call of a compiled law is slow.
 settings.register_profile("fabric", deadline=None, derandomize=COMM.size > 1 or "CI" in os.environ)

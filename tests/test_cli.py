@@ -1,10 +1,10 @@
 """The command line: every verb, what it says to bad input, and what `doctor` finds."""
 
+import importlib.util
 import os
 import re
 import subprocess
 import sys
-import time
 import tomllib
 import warnings
 from pathlib import Path
@@ -415,14 +415,23 @@ def test_doctor_works_without_dolfinx_and_nothing_else_does(tmp_path):
     assert refused.returncode == 1 and "make setup" in refused.stderr and "Traceback" not in refused.stderr
 
 
-def test_doctor_sees_a_form_that_was_left_behind(tmp_path, monkeypatch):
+def test_doctor_sees_what_became_of_compiled_forms(tmp_path, monkeypatch):
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     (tmp_path / "fenics").mkdir()
     left = tmp_path / "fenics" / "libffcx_forms_0.c"
     left.touch()
-    assert doctor._cache().good, "it may just be being compiled"
-    os.utime(left, (time.time() - 3600,) * 2)
+    left.with_suffix(".so").write_bytes(Path(sys.executable).read_bytes()[:-100])
     found = doctor._cache()
-    assert not found.good and str(left) in found.remedy
+    assert found.good and "1 not compiled to the end and 1 cut short" in found.said, "a run mends it"
     Path(f"{left}.cached").touch()
-    assert doctor._cache().good
+    left.with_suffix(".so").write_bytes(Path(sys.executable).read_bytes())
+    assert "cut short" not in doctor._cache().said
+
+
+def test_doctor_sees_homes_and_caches_that_cannot_be_used(tmp_path):
+    (tmp_path / "file").touch()
+    answer = apart("doctor", HOME=str(tmp_path / "file"), XDG_CACHE_HOME=str(tmp_path / "file"), TMPDIR=str(tmp_path))
+    assert answer.returncode == 0 and marks(answer)["home and cache folders"] == "without"
+    assert "HOME=" in answer.stdout and f"{tmp_path}/fabric_fenicsx-{os.getuid()} is used" in answer.stdout
+    film = importlib.util.find_spec("imageio_ffmpeg") or importlib.util.find_spec("av")
+    assert marks(answer)["FFmpeg (films .mp4; .gif needs none)"] == ("ok" if film else "without")

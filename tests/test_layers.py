@@ -14,6 +14,7 @@ PACKAGE = Path(fabric_fenicsx.__file__).parent
 # may not import each other; a folder's rooms see all floors above it. `errors` is for everybody.
 FLOORS = [
     {"errors", "system", "plots"},
+    {"compiling"},
     {"entries"},
     {"fabrics"},
     {"laws"},

@@ -145,17 +145,6 @@ def test_python_that_lacks_venv_comes_last(fresh):
     assert set_up(fresh).stderr == f"chosen: {BASE_PYTHON}\n"
 
 
-def test_interrupted_compile_is_removed(fresh):
-    cache = fresh / ".cache/fenics"
-    cache.mkdir(parents=True)
-    for name in ("dead.c", "done.c", "done.c.cached", "running.c"):
-        (cache / name).touch()
-    for name in ("dead.c", "done.c", "done.c.cached"):
-        os.utime(cache / name, (1e9, 1e9))
-    set_up(fresh)
-    assert {path.name for path in cache.iterdir()} == {"done.c", "done.c.cached", "running.c"}
-
-
 # --- what was installed
 
 

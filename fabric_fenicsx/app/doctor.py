@@ -7,14 +7,11 @@ import os
 import platform
 import subprocess
 import sys
-import time
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 
 from .. import system
-
-STALE = 600.0  # s after which a form that is still not compiled has been given up
 
 
 @dataclass(frozen=True)
@@ -48,6 +45,9 @@ PARTS = [
      "'vtkEGLRenderWindow'); import pyvista as v; v.OFF_SCREEN = True; p = v.Plotter(window_size=(64, 64)); "
      "p.add_mesh(v.Sphere()); p.screenshot(os.path.join(tempfile.mkdtemp(), 'a.png')); print(v.__version__, 'draws')",
      False, "pip install pyvista, and apt-get install libegl1 libegl-mesa0 libgl1-mesa-dri"),
+    ("FFmpeg (films .mp4; .gif needs none)", "import os, tempfile, numpy as n, imageio.v3 as i; i.imwrite(os.path.join("
+     "tempfile.mkdtemp(), 'a.mp4'), n.zeros((2, 64, 64, 3), 'uint8')); print('writes .mp4')", False,
+     "pip install imageio-ffmpeg"),
 ]  # fmt: skip
 
 
@@ -68,7 +68,7 @@ def look() -> list[Finding]:
     mpirun = system.mpirun()
     remedy = "install the MPI that DOLFINx was built with, for runs on several ranks"
     found.append(Finding("mpirun", mpirun is not None, mpirun or "not found", remedy, needed=False))
-    return [*found, _cache(), _size()]
+    return [*found, _folders(), _cache(), _size()]
 
 
 def _part(name: str, code: str, needed: bool, remedy: str) -> Finding:
@@ -95,22 +95,25 @@ def cache_folder() -> Path:
     return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "fenics"
 
 
+def _folders() -> Finding:
+    said = "; ".join(system.SETTLED)
+    remedy = "set HOME, and XDG_CACHE_HOME, to folders of yours, for what is kept there outlives a restart"
+    return Finding("home and cache folders", not said, said or "can be written", remedy if said else "", needed=False)
+
+
 def _cache() -> Finding:
     folder = cache_folder()
     name = "cache of compiled forms"
-    parent = next(p for p in (folder, *folder.parents) if p.exists())
-    if not os.access(parent, os.W_OK):
+    if not system.writable(folder):
         return Finding(name, False, f"{folder} cannot be written", "set XDG_CACHE_HOME to a folder of yours")
     files = list(folder.glob("*")) if folder.exists() else []
-    done = sum(file.suffix == ".so" for file in files)
+    libraries = [file for file in files if file.suffix == ".so"]
     size = sum(file.stat().st_size for file in files) / 1e6
-    said = f"{folder}: {done} forms, {size:.0f} MB"
-    stuck = [f for f in files if f.suffix == ".c" and not Path(f"{f}.cached").exists()
-             and time.time() - f.stat().st_mtime > STALE]  # fmt: skip
-    if stuck:
-        remedy = f"remove {stuck[0]}" + (f" and {len(stuck) - 1} like it" if len(stuck) > 1 else "")
-        said += f"; {len(stuck)} left behind by a killed compile, for which a run would wait in vain"
-        return Finding(name, False, said, f"{remedy} (or the whole folder, which is made anew)")
+    begun = sum(file.suffix == ".c" and not Path(f"{file}.cached").exists() for file in files)
+    cut = sum(not system.complete(file) for file in libraries)
+    said = f"{folder}: {len(libraries)} forms, {size:.0f} MB"
+    if begun + cut:
+        said += f"; {begun} not compiled to the end and {cut} cut short, which a run that needs them compiles anew"
     return Finding(name, True, said)
 
 

@@ -63,7 +63,7 @@ def surface_axes(
     cells = m.topology.index_map(2)
     everywhere = np.arange(cells.size_local + cells.num_ghosts, dtype=np.int32)
     both = fem.Expression(ufl.as_vector([*ufl.CellNormal(m), *w]), space.element.interpolation_points)
-    at_points = both.eval(m, everywhere).reshape(len(everywhere), -1, 6)
+    at_points = both.eval(m, everywhere).reshape(len(everywhere), len(space.element.interpolation_points), 6)
     n, w = at_points[..., :3], at_points[..., 3:]
     with np.errstate(invalid="ignore"):
         a = w - (w * n).sum(axis=-1, keepdims=True) * n
@@ -97,7 +97,7 @@ class Yarns:
         """At present, shape (cells, 2, 3), ghosts included; in the plane the third component is 0."""
         cells = self._mesh.topology.index_map(2)
         everywhere = np.arange(cells.size_local + cells.num_ghosts, dtype=np.int32)
-        rows = self._rows.eval(self._mesh, everywhere).reshape(len(everywhere), 2, -1)
+        rows = self._rows.eval(self._mesh, everywhere).reshape(len(everywhere), 2, self._mesh.geometry.dim)
         return np.pad(rows, ((0, 0), (0, 0), (0, 3 - rows.shape[2])))
 
 

@@ -67,7 +67,7 @@ class InternalWork:
         if isinstance(stress, LawHook):
             stress.measure = self.measure
         else:
-            self._tangent = self._at_points(stress).reshape(*self._strains.shape, -1)
+            self._tangent = self._at_points(stress).reshape(*self._strains.shape, self._strains.shape[-1])
 
     @cached_property
     def form(self) -> Form:
