@@ -19,7 +19,7 @@ FLOORS = [
     {"fabrics"},
     {"laws"},
     {"surfaces": [{"checking"}, {"importing"}, {"meshing"}, {"yarns"}]},
-    {"shell": [{"kinematics", "rotation"}, {"directors"}, {"assumed_strain"}]},
+    {"shell": [{"kinematics", "rotation", "dirichlet"}, {"directors"}, {"assumed_strain"}]},
     {"terms": [{"supports", "hook", "weakform", "kernels"}, {"work"}]},
     {
         "solvers": [

@@ -11,6 +11,8 @@ anything less than half a turn, and a strip may roll up as often as it likes. Be
 interpolated, as in Chapter 5: strains do not change when the whole shell turns.
 """
 
+from collections.abc import Callable, Sequence
+
 import basix.ufl
 import numpy as np
 import ufl
@@ -21,6 +23,7 @@ from petsc4py import PETSc
 from ..errors import InputError
 from ..laws import Array
 from . import rotation
+from .dirichlet import check, put
 
 ELEMENTS = {
     "regge": ("triangle", ("Lagrange", 2), ("CR", 1), 2),
@@ -104,6 +107,8 @@ class ShellSpace:
         self._angles = np.zeros((len(self.nodes), 2))
         self._derivative = np.empty((len(self.nodes), 2, 3))
         self._map = self._transformation()
+        self.moves: list[Callable[[], None]] = []
+        """Called when the reference directors have been laid into planes of symmetry: what is led starts from them."""
 
     def function(self) -> fem.Function:
         """A new (u, d) in V at rest: no displacement, the reference directors."""
@@ -203,50 +208,53 @@ class ShellSpace:
         self.frame = rotation.carried(self.frame, rotation.turned(self.frame, self._angles)[0])
         y.x.array[self._theta] = 0.0
 
-    def supports(self, bcs: list[fem.DirichletBC]) -> np.ndarray:
-        """The owned unknowns of W that these conditions on V give; `targets` tells their values.
+    def supports(self, bcs: Sequence[fem.DirichletBC]) -> np.ndarray:
+        """The owned unknowns of W that these conditions on V give, in any order; `targets` tells their values.
 
-        All three components of a director given: it is held, or led, as a whole. One component given:
-        the director turns in the plane across that axis only (a plane of symmetry); two: in neither plane
-        (a corner). Called once, before the first step: it lays the frames along those axes, and the
-        reference directors into those planes, which a mesh meets only nearly.
+        A condition that gives a director whole holds or leads it. One that gives a component keeps it in the plane
+        across that axis (a plane of symmetry), where it may turn; in two planes (a corner) it cannot. Called before the
+        first step: it lays the frames along those axes, and the reference directors into those planes, which a
+        mesh meets only nearly, also where they are led.
 
-        Raises InputError, on every rank, where the director is further from that plane than `ASKEW`.
+        Raises InputError, on every rank, where the director is further from such a plane than `ASKEW`.
         """
-        given = np.zeros(len(self.function().x.array), dtype=bool)
+        led, across = np.zeros(len(self.nodes), dtype=bool), np.zeros((len(self.nodes), 3), dtype=bool)
+        every = np.zeros(len(self.function().x.array), dtype=bool)
         for bc in bcs:
+            given = np.zeros_like(every)
             given[bc.dof_indices()[0]] = True
-        which = given[self.nodes]
-        count = which.sum(axis=1)
-        partly = np.flatnonzero((count == 1) | (count == 2))
+            whole = given[self.nodes].all(axis=1)
+            led |= whole
+            across |= given[self.nodes] & ~whole[:, None]
+            every |= given
+        planes = across.sum(axis=1)
+        partly = np.flatnonzero(planes)
         d = self.frame[partly, 2]
-        astray = bool((np.abs(d[which[partly]]) > ASKEW).any())
+        astray = bool((np.abs(d[across[partly]]) > ASKEW).any())
         if self.mesh.comm.allreduce(astray, MPI.LOR):
             raise InputError("A director is held in a plane (one component given) that it does not lie in.")
-        axes = np.eye(3)[which[partly].argmax(axis=1)]
-        d0 = rotation.unit(np.where(which[partly], 0.0, d))
+        axes = np.eye(3)[across[partly].argmax(axis=1)]
+        d0 = rotation.unit(np.where(across[partly], 0.0, d))
         self.frame[partly] = np.stack([axes, np.cross(d0, axes), d0], axis=1)
         # strains are measured from `normal`: it must be the directors' start, else the shell is stressed at rest
         self._start[partly] = d0
         self.normal.x.array[:] = self.function().x.array[self._in_v]
-        size = self.W.dofmap.index_map.size_local
-        moved = self._u[given[self._u[:, 0]], 1]
-        fixed = np.concatenate([moved, self._theta[count >= 2].ravel(), self._theta[count == 1, 0]])
-        self._led = np.flatnonzero(count >= 2)
-        self._led_given = which[self._led]
-        return np.unique(fixed[fixed < size]).astype(np.int32)
+        for move in self.moves:
+            move()
+        self._led = np.flatnonzero(led)
+        moved, turned = self._u[every[self._u[:, 0]], 1], self._theta
+        fixed = np.concatenate([moved, turned[led | (planes > 1)].ravel(), turned[planes == 1, 0]])
+        return np.unique(fixed[fixed < self.W.dofmap.index_map.size_local]).astype(np.int32)
 
-    def targets(self, bcs: list[fem.DirichletBC], y: fem.Function) -> Array:
-        """Values in W that meet the present values of the conditions; zero elsewhere."""
+    def targets(self, bcs: Sequence[fem.DirichletBC], y: fem.Function) -> Array:
+        """Values in W that meet the present values of the conditions; zero elsewhere. Raises as `dirichlet.check`."""
         values = np.zeros(len(self.function().x.array))
-        for bc in bcs:
-            bc.set(values)
+        check(bcs, self.V)
+        put(bcs, values)
         result = np.zeros_like(y.x.array)
         result[self._u[:, 1]] = values[self._u[:, 0]]
-        frame = self.frame[self._led]
-        # two components given: the third is the director's own (a corner of two planes of symmetry)
-        d = rotation.unit(np.where(self._led_given, values[self.nodes[self._led]], frame[:, 2]))
-        along = np.einsum("nij,nj->ni", frame, d)
+        d = rotation.unit(values[self.nodes[self._led]])
+        along = np.einsum("nij,nj->ni", self.frame[self._led], d)
         sine = np.linalg.norm(along[:, :2], axis=1)
         angle = np.arctan2(sine, along[:, 2])
         scale = np.divide(angle, sine, out=np.ones_like(sine), where=sine > 0)

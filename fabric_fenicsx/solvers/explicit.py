@@ -17,6 +17,7 @@ from ufl.form import Form
 
 from ..errors import InputError, StepFailed
 from ..laws import Array
+from ..shell.dirichlet import check
 from ..terms.hook import LawHook, plain
 from ..terms.work import InternalWork
 from . import stable_step
@@ -60,6 +61,10 @@ class CentralDifference(Stepper):
             self._form, given = fem.form(residual), [*residual.constants(), *residual.coefficients()]
             moving = {self.q, motion.velocity, *(hook.stress.ref_coefficient for hook in self.hooks)}
             self._dead = None if moving.intersection(given) else given
+        if motion.space is not None:
+            start = motion.space.function().x.array
+            motion.space.supports(bcs)
+            self.q.x.array[:] += motion.space.function().x.array - start
         self._load, self._known = np.zeros_like(self.q.x.array), np.full(1, np.nan)
         self._force = la.vector(self.V.dofmap.index_map, self.V.dofmap.index_map_bs)
         self._given_v = self._given_a = np.zeros(len(motion.given))
@@ -203,6 +208,7 @@ class CentralDifference(Stepper):
         with progress_bar(steps, progress, self.comm) as bar:
             for _ in range(steps):
                 clock, begun = time.perf_counter(), self.time
+                check(self._bcs, self.V)
                 good = [array.copy() for array in self._arrays()]
                 for part in range(1, parts + 1):
                     self._weighs = part % WEIGH == 0 or part == parts

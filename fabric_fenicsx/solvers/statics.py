@@ -13,6 +13,7 @@ from ufl.form import Form
 
 from ..errors import InputError, StepFailed
 from ..shell.directors import ShellSpace
+from ..shell.dirichlet import check, put
 from ..terms.hook import LawHook, derive, forget_traversals
 from ..terms.work import InternalWork, assemble, matrix
 from . import linear
@@ -201,8 +202,8 @@ class StaticSolver:
         """Take over the present Dirichlet values; angles are those from the last commit on."""
         if self._shell is None:
             self._targets = self._y.x.array.copy()
-            for bc in self._bcs:
-                bc.set(self._targets)
+            check(self._bcs, self.u.function_space)
+            put(self._bcs, self._targets)
         else:
             self._targets = self._shell.targets(self._bcs, self._y)
 

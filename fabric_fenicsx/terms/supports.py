@@ -92,15 +92,18 @@ def grip(domain: Domain, space: ShellSpace, name: str) -> tuple[Conditions, Move
     One step may turn by less than half a turn.
     """
     u, d = (fem.Function(space.V.sub(i).collapse()[0]) for i in (0, 1))
-    d.x.array[:] = space.normal.x.array
+    R = np.eye(3)
 
-    def move(
-        shift: Sequence[float], rotation: Sequence[float] = (0, 0, 0), centre: Sequence[float] = (0, 0, 0)
-    ) -> None:
-        R, c = _rotation(np.array(rotation, dtype=float)), np.array(centre, dtype=float)[:, None]
-        u.interpolate(lambda x: R @ (x - c) + c - x + np.array(shift, dtype=float)[:, None])
+    def lead_directors() -> None:
         d.x.array[:] = (space.normal.x.array.reshape(-1, 3) @ R.T).ravel()
 
+    def move(shift: Vector, rotation: Vector = (0, 0, 0), centre: Vector = (0, 0, 0)) -> None:
+        R[:], c = _rotation(np.array(rotation, dtype=float)), np.array(centre, dtype=float)[:, None]
+        u.interpolate(lambda x: R @ (x - c) + c - x + np.array(shift, dtype=float)[:, None])
+        lead_directors()
+
+    lead_directors()
+    space.moves.append(lead_directors)
     parts = [(part, _at(domain, name, (part, value.function_space)), value) for part, value in
              ((space.V.sub(0), u), (space.V.sub(1), d))]  # fmt: skip
     return [fem.dirichletbc(value, dofs, part) for part, dofs, value in parts], move
