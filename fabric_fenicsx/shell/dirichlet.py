@@ -8,6 +8,7 @@ from dolfinx import fem
 from ..errors import InputError
 from ..laws import Array
 
+
 def places(space: fem.FunctionSpace) -> Array:
     """Reference coordinates (m) of the local dofs of a space, shape (dofs, 3)."""
     if space.num_sub_spaces == 0 or space.dofmap.index_map_bs > 1:
@@ -27,7 +28,7 @@ def put(bcs: Sequence[fem.DirichletBC], values: Array) -> None:
 
 def check(bcs: Sequence[fem.DirichletBC], space: fem.FunctionSpace) -> None:
     """Raise InputError, on every rank, where two conditions on a space give a dof different values."""
-    values, said = fem.Function(space).x.array, None
+    comm, values = space.mesh.comm, fem.Function(space).x.array
     low, high = np.full_like(values, np.inf), np.full_like(values, -np.inf)
     for bc in bcs:
         dofs = bc.dof_indices()[0]
@@ -36,10 +37,12 @@ def check(bcs: Sequence[fem.DirichletBC], space: fem.FunctionSpace) -> None:
     gaps = np.maximum(high - low, 0.0)
     # the round-off of a rigid rotation goes with the size of the mesh
     size = 1e-3 * np.abs(space.mesh.geometry.x).max(initial=0.0) + np.abs(values).max(initial=0.0)
-    if gaps.max(initial=0.0) > 1e-9 * size:
-        dof = gaps.argmax()
-        point = ", ".join(f"{x:.4g}" for x in places(space)[dof])
-        said = f"at ({point}) m one gives {low[dof]:.6g} and another {high[dof]:.6g}"
-    said = next((s for s in space.mesh.comm.allgather(said) if s), None)
-    if said:
+    worst = comm.allgather(float(gaps.max(initial=0.0) - 1e-9 * size))
+    if max(worst) > 0.0:
+        rank, x, said = int(np.argmax(worst)), places(space), ""
+        if comm.rank == rank:
+            dof = gaps.argmax()
+            point = ", ".join(f"{c:.4g}" for c in x[dof].round(12) + 0.0)
+            said = f"at ({point}) m one gives {low[dof]:.6g} and another {high[dof]:.6g}"
+        said = comm.bcast(said, rank)
         raise InputError(f"Two supports contradict each other: {said}; give each unknown one value.")
