@@ -23,7 +23,7 @@ FLOORS = [
     {"terms": [{"supports", "hook", "weakform", "kernels"}, {"work"}]},
     {
         "solvers": [
-            {"linear", "continuation", "checkpoint"},
+            {"linear", "continuation", "checkpoint", "reactions"},
             {"statics", "motion"},
             {"step", "stable_step", "stepper"},
             {"newmark", "explicit"},

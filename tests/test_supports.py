@@ -7,11 +7,12 @@ import numpy as np
 import pytest
 import scenes
 from mpi4py import MPI
-from dolfinx import fem
+from dolfinx import fem, la
 
 from fabric_fenicsx import sheet
 from fabric_fenicsx.errors import InputError
 from fabric_fenicsx.laws.svk import StVenantKirchhoff
+from fabric_fenicsx.solvers import statics
 from fabric_fenicsx.surfaces import meshing
 from fabric_fenicsx.terms import supports, weakform
 
@@ -171,3 +172,83 @@ def test_a_membrane_whose_supports_contradict_is_refused():
     held = supports.hinge(domain, cloth.space, "end") + supports.lead(domain, cloth.space, "top", 2, -0.1)
     with pytest.raises(InputError, match=r"one gives -0\.1 and another 0;"):
         cloth.equilibrium(held).solve()
+
+
+# Moments of reactions
+
+
+def moment(cloth, forces, about=(0.0, 0.0, 0.0)):
+    """Moment about a point of nodal forces on a shell, from the places of its unknowns: a loop over nodes."""
+    space, q, total = cloth.space, cloth.q.x.array, np.zeros(3)
+    x, (_, u), (_, d) = supports.places(space), *(space.V.sub(i).collapse() for i in (0, 1))
+    for nodes, at in ((u, x), (d, 0 * x)):
+        for node in np.array(nodes).reshape(-1, 3):
+            if node[0] < len(forces):
+                arm = q[node] + at[node[0]] - (about if nodes is u else 0.0)
+                total += np.cross(arm, forces[node])
+    return COMM.allreduce(total)
+
+
+@pytest.mark.parallel
+@both
+def test_the_moment_at_a_clamp_is_the_load_times_its_arm(triangles):
+    """At rest and far bent; of a moment at the end, that moment: with no force at all the directors take it."""
+    length, width, h, modulus = 2.0, 0.5, 0.02, 1e6
+    size = {"length": length, "width": width, "nx": 6, "ny": 2}
+    domain = meshing.read(scenes.MESHES / "strip.geo", COMM, gdim=3, triangles=triangles, **size)
+    law, about = StVenantKirchhoff.isotropic(modulus, 0.0), np.array([0.3, -0.2, 0.7])
+    for part, bent in ((1e-4, False), (1.0, True)):
+        cloth = sheet.Sheet(domain, law, h, (modulus / 2, modulus / 2))
+        force, couple = (part * 2.0 * modulus * h**3 / 12 / length**k for k in (2, 1))
+        pull, turn = (fem.Constant(domain.mesh, (0.0, 0.0, 0.0)) for _ in range(2))
+        ends = [supports.over(domain, "pulled_end", degree) for degree in (2, 1)]
+        load = weakform.traction(pull, cloth.v, ends[0])
+        load += weakform.edge_moment(turn, cloth.director, cloth.delta, ends[1])
+        solver = cloth.equilibrium(supports.clamp(domain, cloth.space, "fixed_end"), load, rtol=1e-10)
+
+        def set_load(t, pull=pull, turn=turn, force=force, couple=couple):
+            pull.value[2], turn.value[1] = t * force, -t * couple / 4
+
+        list(statics.march(solver, set_load, np.linspace(0, 1, 7)[1:] if bent else [1.0]))
+        end = np.array([length, width / 2, 0.0])
+        end += [supports.mean(domain, cloth.space, cloth.q, "pulled_end", i) for i in range(3)]
+        applied = np.cross(end - about, [0, 0, force * width]) + [0, -couple / 4 * width, 0]
+        held = supports.unknowns(domain, cloth.space, "fixed_end")
+        reaction = solver.reaction_moment(held, about)
+        # the end of triangles is not quite straight, and its nodes do not weigh alike
+        np.testing.assert_allclose(reaction, -applied, atol=(3e-5 if triangles else 1e-6) * np.abs(applied).max())
+        np.testing.assert_allclose(reaction, -moment(cloth, nodal(load), about), rtol=1e-6, atol=1e-9)
+        np.testing.assert_allclose(reaction, moment(cloth, restricted(solver.forces(), held), about), rtol=1e-9)
+        assert (end[2] > 0.5) == bent
+
+
+def nodal(load):
+    """Forces of a load at the owned unknowns."""
+    b = fem.assemble_vector(fem.form(load))
+    b.scatter_reverse(la.InsertMode.add)
+    return b.array[: b.index_map.size_local * b.block_size]
+
+
+def restricted(forces, dofs):
+    """Nodal forces at some unknowns alone."""
+    result = np.zeros_like(forces)
+    result[dofs[dofs < len(forces)]] = forces[dofs[dofs < len(forces)]]
+    return result
+
+
+@pytest.mark.parallel
+@pytest.mark.parametrize("kind", ["newmark", "explicit"])
+def test_the_moment_at_a_clamp_of_a_sheet_in_motion_balances_load_and_inertia(kind):
+    """Internal forces have no moment, so what the clamp gives is inertia less the load."""
+    domain = meshing.read(scenes.MESHES / "strip.geo", COMM, gdim=3, length=0.4, width=0.1, nx=4, ny=2, triangles=1)
+    cloth = sheet.Sheet(domain, StVenantKirchhoff.isotropic(1e5, 0.3), 2e-3, (4e4, 4e4))
+    load = weakform.gravity(0.2, fem.Constant(domain.mesh, (1.0, 2.0, -9.81)), cloth.v, cloth.dx)
+    run, _ = getattr(cloth, kind)(0.2, supports.clamp(domain, cloth.space, "fixed_end"), load)
+    list(run.march(0.06, 0.01))
+    assert supports.mean(domain, cloth.space, cloth.q, "pulled_end", 2) < -0.005
+    a, size = run.motion.acceleration.x.array, len(run.forces())
+    inertia = run.motion.inertia().array_r if kind == "newmark" else (run.mass * a)[:size]
+    about = (0.1, 0.2, 0.3)
+    expected = moment(cloth, inertia, about) - moment(cloth, nodal(load), about)
+    reaction = run.reaction_moment(supports.unknowns(domain, cloth.space, "fixed_end"), about)
+    np.testing.assert_allclose(reaction, expected, atol=(1e-3 if kind == "newmark" else 1e-9) * np.abs(expected).max())

@@ -44,7 +44,7 @@ class Newmark(Stepper):
     accuracy: with an `energy.Ledger`, a step that adds more to the imbalance of energy, as a part of the largest
     external work so far, is cut like one that failed, once the sum is 5 times that; math.inf to take what comes.
 
-    The history of a law moves when a step is accepted, and then only. Forces at supports: `solver.reaction`.
+    The history of a law moves when a step is accepted, and then only. At supports: `reaction`, `reaction_moment`.
     """
 
     def __init__(

@@ -19,6 +19,7 @@ from ..terms.work import InternalWork, assemble, matrix
 from . import linear
 from .continuation import Step as Step
 from .continuation import march as march
+from .reactions import Reactions
 
 OPTIONS = {"snes_linesearch_type": "basic", "snes_max_it": 25} | linear.DIRECT
 """PETSc options of `StaticSolver` that a user may override."""
@@ -30,7 +31,7 @@ def _weak(method: Callable[..., Any]) -> Callable[..., Any]:
     return lambda *arguments: reference()(*arguments)  # type: ignore[misc]
 
 
-class StaticSolver:
+class StaticSolver(Reactions):
     """Equilibrium residual(u) = 0 at the present loads and Dirichlet values.
 
     residual: UFL form, a sum of the terms of `weakform`, linear in a test function. u: the unknown; for
@@ -286,13 +287,8 @@ class StaticSolver:
         self._assemble_force()
         return np.array(self._force.array_r)
 
-    def reaction(self, dofs: np.ndarray) -> float:
-        """Sum of the forces (N) that the supports exert on these local unknowns, over all ranks.
-
-        dofs: of one component, as `supports.unknowns` gives them. To be called on every rank, at a solved u.
-        """
-        owned = dofs[dofs < self._force.local_size]
-        return float(self.comm.allreduce(self.forces()[owned].sum()))
+    def _unknown(self) -> fem.Function:
+        return self.u
 
 
 reasons = {value: name.lower() for name, value in vars(PETSc.SNES.ConvergedReason).items() if isinstance(value, int)}

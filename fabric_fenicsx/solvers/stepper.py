@@ -11,6 +11,7 @@ from petsc4py import PETSc
 from ..laws import Array
 from ..terms.hook import forget_traversals
 from .motion import Motion
+from .reactions import Reactions
 
 
 class _Context:
@@ -23,7 +24,7 @@ class _Context:
         self._owner().step(ts)  # type: ignore[union-attr]
 
 
-class Stepper:
+class Stepper(Reactions):
     """A motion that goes on step by step; `ts` is the TS that calls `step` of the class derived from this.
 
     set_load(t): puts loads and Dirichlet values at time t (s) into the scene. start: time, s.
@@ -78,6 +79,9 @@ class Stepper:
         if self.comm.allreduce(self.interrupted):
             self.interrupted = False
             raise KeyboardInterrupt
+
+    def _unknown(self) -> fem.Function:
+        return self.motion.q
 
     # -- what a checkpoint asks for -------------------------------------------------------------------------------
 

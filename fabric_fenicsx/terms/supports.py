@@ -2,7 +2,7 @@
 
 Each condition is a list, so that a scene adds them up: `clamp(...) + symmetry(...)`. `space` is the space of
 the displacement, or of a shell, whose directors are held along with it. At a support the residual is
-the reaction (`StaticSolver.reaction`).
+the reaction (`solvers.reactions`).
 """
 
 from collections.abc import Callable, Sequence
@@ -12,6 +12,7 @@ import ufl
 from dolfinx import fem, mesh
 
 from ..errors import InputError
+from ..shell import dirichlet
 from ..shell.directors import ShellSpace
 from ..surfaces.meshing import Domain
 
@@ -38,9 +39,19 @@ def over(domain: Domain, name: str, degree: int) -> ufl.Measure:
     return ufl.Measure(kind, domain.mesh, subdomain_data=domain.tags[dim], subdomain_id=tag, metadata=metadata)
 
 
-def unknowns(domain: Domain, space: Space, name: str, component: int) -> np.ndarray:
-    """Local unknowns of one component of the displacement at a group."""
-    return _at(domain, name, _displacement(space).sub(component))
+def unknowns(domain: Domain, space: Space, name: str, component: int | None = None) -> np.ndarray:
+    """Local unknowns of one component of the displacement at a group, or all that the group has, directors too."""
+    if component is not None:
+        return _at(domain, name, _displacement(space).sub(component))
+    parts = [_displacement(space).sub(i) for i in range(domain.mesh.geometry.dim)]
+    if isinstance(space, ShellSpace):
+        parts += [space.V.sub(1).sub(i) for i in range(3)]
+    return np.concatenate([_at(domain, name, part) for part in parts])
+
+
+def places(space: Space) -> np.ndarray:
+    """Places at rest of the local unknowns, directors too: m, shape (unknowns, 3). To be called on every rank."""
+    return dirichlet.places(space.V if isinstance(space, ShellSpace) else space)
 
 
 def mean(domain: Domain, space: Space, q: fem.Function, name: str, component: int) -> float:
