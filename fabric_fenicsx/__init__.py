@@ -20,7 +20,7 @@ Rooms, in the order in which a scene goes through them, and their names; each ro
 - `shell.assumed_strain`: strains that do not lock: `shell_strains`
 - `sheet`: all of that put together, ready to be held and loaded, and its solvers: `Sheet`
 - `specimen`: the strip of a tensile test: `strip`
-- `terms.supports`: how it is held: `hinge`, `clamp`, `hold`, `lead`, `grip`, `symmetry`; `over`, `unknowns`, `mean`
+- `terms.supports`: how it is held: `hinge`, `clamp`, `hold`, `lead`, `grip`, `symmetry`; `over`, `unknowns`, `places`, `mean`
 - `terms.weakform`: terms of a weak form: `internal`, `gravity`, `pressure`, `traction`, `point_force` and others
 - `terms.hook`: a law as an operand of UFL forms: `LawHook`
 - `terms.work`: a shell's work without a form: `InternalWork`

@@ -174,6 +174,9 @@ def test_run_and_view(command, tmp_path):
     assert np.allclose(table["end_x_m"], 0.004 * table["load_part"])
     assert np.allclose(table["pulled_end_x_N"], -table["fixed_end_x_N"], rtol=1e-4)
     force, area = table["pulled_end_x_N"], 0.0254 * 0.38e-3
+    # about the origin, in a corner: half of the width is the arm
+    assert np.allclose(table["pulled_end_z_Nm"], -0.0127 * force, rtol=1e-2)
+    assert np.allclose(table["fixed_end_z_Nm"], -table["pulled_end_z_Nm"], rtol=1e-4)
     assert force[1] > 2 * force[0] > 0 and force[3] < force[0], "stiffening, and hysteresis"
     E = 0.004 / 0.0762 + (0.004 / 0.0762) ** 2 / 2
     free = fabrics.load("blend").warp.stress(E) * (1 + 0.004 / 0.0762) * area

@@ -35,6 +35,7 @@ def run(scene: Scene, out: Path, progress: bool = True, resume: Path | None = No
     if motion and resume:
         checkpoint.load(resume, motion, _mark(scene))
     held = {s.at: [supports.unknowns(cloth.domain, cloth.space, s.at, k) for k in range(3)] for s in scene.supports}
+    everything = {at: supports.unknowns(cloth.domain, cloth.space, at) for at in held}
     u = cloth.displacement()
     fields = results.Fields(out / "fields.bp", u, ("value",))
     frames = Frames(out / "frames", scene.title, "t = {:.4g} s" if scene.dynamic else "load {:.4g}", scene.view, comm)
@@ -47,6 +48,8 @@ def run(scene: Scene, out: Path, progress: bool = True, resume: Path | None = No
                 row[f"{probe.name}_{AXES[probe.axis]}_m"] = mean
             for at, unknowns in held.items():
                 row |= {f"{at}_{AXES[k]}_N": solver.reaction(unknowns[k]) for k in range(3)}
+                moment = solver.reaction_moment(everything[at])
+                row |= {f"{at}_{AXES[k]}_Nm": moment[k] for k in range(3)}
             row |= {"newton_iterations": step.newton_iterations, "step_cuts": step.step_cuts}
             row |= ledger.row() if ledger else {}
             table.row(**row, wall_s=step.wall_s)
