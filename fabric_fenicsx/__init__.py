@@ -20,7 +20,7 @@ Rooms, in the order in which a scene goes through them, and their names; each ro
 - `shell.assumed_strain`: strains that do not lock: `shell_strains`
 - `sheet`: all of that put together, ready to be held and loaded, and its solvers: `Sheet`
 - `specimen`: the strip of a tensile test: `strip`
-- `terms.supports`: how it is held: `hinge`, `clamp`, `hold`, `lead`, `grip`, `symmetry`; `over`, `unknowns`, `places`, `mean`
+- `terms.supports`: how it is held: `clamp`, `grip`, `symmetry`, `lead` and others; `over`, `unknowns`, `places`, `mean`
 - `terms.weakform`: terms of a weak form: `internal`, `gravity`, `pressure`, `traction`, `point_force` and others
 - `terms.hook`: a law as an operand of UFL forms: `LawHook`
 - `terms.work`: a shell's work without a form: `InternalWork`
@@ -36,9 +36,10 @@ Rooms, in the order in which a scene goes through them, and their names; each ro
 - `app.command`: what every script does at its command line: `parse`, `say`, `run`; `system`: `can_draw`, `mpirun`
 - `errors`: `InputError`, `StepFailed`
 
-The other rooms serve these: `surfaces.checking` and `surfaces.importing` a mesh, `shell.rotation` the directors,
-`terms.kernels` the stiffness, `solvers.stepper`, `solvers.step` and `solvers.stable_step` the motions, `entries` the
-TOML files, `compiling` the forms that are compiled once and kept, `app.doctor` the command.
+The other rooms serve these: `surfaces.checking` and `surfaces.importing` a mesh, `shell.rotation` and `shell.dirichlet`
+the directors, `terms.kernels` the stiffness, `solvers.stepper`, `solvers.step` and `solvers.stable_step` the motions,
+`solvers.reactions` all of them, `entries` the TOML files, `compiling` the forms that are compiled once and kept,
+`app.doctor` the command.
 
 The five demos `my_fabric`, `my_mesh`, `my_load`, `my_law` and `my_term` are short, each ends in an exact check, and are
 meant to be copied and changed.
