@@ -11,7 +11,8 @@ Rooms, in the order in which a scene goes through them, and their names; each ro
 - `identify`: such a file from test records: `read`, `identify`; the whole way in `identify.making`: `make`
 - `laws`: stress from strain and history at a point: what a `Law` is; by name in `laws.named`: `law`
 - `laws.woven`: `Woven`, the one to use; `laws.printed`: `Printed`; `laws.svk`: `StVenantKirchhoff`
-- `laws.section`: a law through the thickness: `Section`
+- `laws.section`: a law through the thickness: `Section`; `laws.own_bending`: bending of its own: `OwnBending`
+- `laws.bending`: moments from curvatures, with friction, as KES measures them: `Bending`
 - `laws.driver`: a law without a mesh: `check`, `run`, `uniaxial`; `laws.stability`: `acoustic`
 - `surfaces.meshing`: a surface whose parts are found by name: `read`, `from_gmsh`, `Domain`
 - `surfaces.yarns`: warp and weft: `plane_axes`, `surface_axes`, `patches`, `Yarns`

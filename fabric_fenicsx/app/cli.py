@@ -96,8 +96,7 @@ def fabrics_show(name: str) -> None:
 
     f = fabrics.load(name)
     click.echo(f"{f.name} ({f.label}): {f.material}, {f.weave} weave")
-    areal_mass = f.density * f.thickness
-    click.echo(f"  thickness {f.thickness * 1e3:g} mm, density {f.density:g} kg/m3, {areal_mass:.4g} kg/m2")
+    click.echo(f"  thickness {f.thickness * 1e3:g} mm, density {f.density:g} kg/m3, {f.areal_mass:.4g} kg/m2")
     for way, curve, E in (("warp", f.warp, "E11"), ("weft", f.weft, "E22"), ("shear", f.shear, "(2 E12)")):
         terms = [f"{c / 1e6:.4g}" + (f" {E}" + (f"^{k}" if k > 1 else "") if k else "")
                  for k, c in enumerate(curve.modulus) if c or not k]  # fmt: skip
@@ -105,6 +104,8 @@ def fabrics_show(name: str) -> None:
                    f"unloading {curve.unloading / 1e6:.4g} MPa")  # fmt: skip
     for key, (nu12, nu21) in f.poisson.items():
         click.echo(f"  Poisson's ratios, {key}: nu12 {nu12:g}, nu21 {nu21:g}")
+    for line in f.bending_or_estimate().describe().splitlines():
+        click.echo(f"  bending, {line}")
     for key, source in f.sources.items():
         click.echo(f"  source of {key}: {source}")
 

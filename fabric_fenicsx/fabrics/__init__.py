@@ -22,12 +22,17 @@ Where the thesis contradicts itself, these files follow the reading that its own
 - How stiff a fabric is in biaxial tension was not measured; `transverse` of a file, with its source, is for that.
   Where a file has none it is assumed.
 
+Bending was not measured in the thesis, and these four have none. A user's file may have it (`bending_reading` tells the
+keys of its table [bending]); where it has not, `Fabric.bending_or_estimate` gives what 618 published fabrics of the
+same mass have, with the word "assumed" in all that it prints.
+
 The calibrated range of a curve ends at E = d + d^2/2, (3.2), with d = displacement / gauge length of its test,
 or at the file's `limit_strain`. For shear, E is the tensor component E12 of the bias test: the yarns hardly
 stretch there, E11 + E22 = 0, so that the axial strain (E11 + E22)/2 + E12 is E12.
 """
 
+from fabric_fenicsx.fabrics.bending import BendingCurve, BendingCurves, estimated_bending
 from fabric_fenicsx.fabrics.data import Curve, Fabric, compare
 from fabric_fenicsx.fabrics.reading import load, names
 
-__all__ = ["Curve", "Fabric", "compare", "load", "names"]
+__all__ = ["BendingCurve", "BendingCurves", "Curve", "Fabric", "compare", "estimated_bending", "load", "names"]

@@ -11,6 +11,8 @@ import numpy as np
 from numpy.polynomial import polynomial
 from numpy.typing import ArrayLike, NDArray
 
+from fabric_fenicsx.fabrics.bending import BendingCurves, estimated_bending
+
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
@@ -75,6 +77,16 @@ class Fabric:
     sources: dict[str, str]
     transverse: tuple[float, float] = (TRANSVERSE, TRANSVERSE)
     transverse_source: TransverseSource = "assumed"
+    bending: BendingCurves | None = None  # None: not measured
+
+    @property
+    def areal_mass(self) -> float:
+        """kg/m2."""
+        return self.density * self.thickness
+
+    def bending_or_estimate(self) -> BendingCurves:
+        """Bending as measured, else assumed for this mass, which its text says; see `estimated_bending`."""
+        return self.bending or estimated_bending(self.areal_mass)
 
     def plot(self, path: str | PathLike[str] | None = None) -> Figure:
         """Draw loading, its continuation by the tangent, and unloading, for warp, weft, shear; save if asked.

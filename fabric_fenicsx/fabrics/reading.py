@@ -12,6 +12,7 @@ from numpy.polynomial import Polynomial
 from fabric_fenicsx import entries
 from fabric_fenicsx.entries import Table
 from fabric_fenicsx.errors import InputError
+from fabric_fenicsx.fabrics.bending_reading import read_bending
 from fabric_fenicsx.fabrics.data import TRANSVERSE, TRANSVERSE_SOURCES, Curve, Fabric, TransverseSource
 
 _HERE = Path(__file__).parent
@@ -41,7 +42,8 @@ def load(name_or_path: str | PathLike[str]) -> Fabric:
 
 def _fabric(file: Table) -> Fabric:
     file.expect(
-        "name label material weave thickness_mm density_kg_per_m3 warp weft shear poisson test", "transverse sources"
+        "name label material weave thickness_mm density_kg_per_m3 warp weft shear poisson test",
+        "transverse sources bending",
     )
     test = file.table("test")
     test.expect("gauge_length_mm width_mm warp_displacement_mm weft_displacement_mm bias_displacement_mm")
@@ -75,6 +77,7 @@ def _fabric(file: Table) -> Fabric:
         sources={key: sources.text(key) for key in sources.entries},
         transverse=across,
         transverse_source=source,
+        bending=read_bending(file.table("bending")) if "bending" in file.entries else None,
     )
 
 

@@ -139,6 +139,7 @@ class _Search:
             width=strip.width,
             displacement=found.displacement,
             sources={},
+            bending=None,
         )
 
     def _pull(self, fabric: fabrics.Fabric, path: Array) -> Array:
