@@ -4,7 +4,15 @@ import numpy as np
 import pytest
 
 from fabric_fenicsx.errors import InputError, StepFailed
-from fabric_fenicsx.laws import Law, stability
+from fabric_fenicsx.laws import (
+    HasCalibration,
+    HasPotential,
+    HasRecoverable,
+    HasStiffest,
+    HasStiffness,
+    Law,
+    stability,
+)
 from fabric_fenicsx.laws.driver import check, mixed, run, uniaxial
 from fabric_fenicsx.laws.svk import StVenantKirchhoff
 
@@ -466,6 +474,91 @@ def test_check_finds_the_broken_promise(law, sentence):
     with pytest.raises(InputError, match=sentence) as error:
         check(law())
     assert "\n" not in str(error.value) and str(error.value).endswith(".")
+
+
+class Offering(Diagonal):
+    """S_k = k_k E_k with all that a law may offer besides, to be broken in one member each."""
+
+    stiff = 1e6
+    stiffness = 1e6 * np.eye(3)
+
+    @property
+    def stiffest(self):
+        return StVenantKirchhoff(1e6 * np.eye(3))
+
+    def potential(self, strain, state):
+        return 0.5e6 * (strain**2).sum(axis=1)
+
+    recoverable = potential
+
+    def beyond_calibration(self, strain):
+        return "far" if np.abs(strain).max() > 0.2 else None
+
+
+def test_check_looks_at_what_a_law_offers_besides():
+    law = Offering()
+    offers = (HasStiffness, HasStiffest, HasRecoverable, HasPotential, HasCalibration)
+    assert all(isinstance(law, offer) and not isinstance(Diagonal(), offer) for offer in offers)
+    report = check(law)
+    assert report.potential_error < 1e-11 and "error of the potential" in str(report)
+    assert check(Diagonal()).potential_error is None
+
+
+def scaled(factor):
+    """A potential that is so many times the right one."""
+    return lambda self, strain, state: factor * Offering.potential(self, strain, state)
+
+
+def writing(self, strain, state):
+    strain[:] = 0.0
+    return np.zeros(len(strain))
+
+
+class Restarting(Offering):
+    """A potential that jumps when history moves: the state counts the steps."""
+
+    initial_state = np.zeros(1)
+
+    def respond(self, strain, state, out=None):
+        stress, tangent, _ = super().respond(strain, state)
+        answer = stress, tangent, state + 1.0
+        for a, b in zip(out or (), answer, strict=bool(out)):
+            a[...] = b
+        return out or answer
+
+    def potential(self, strain, state):
+        return Offering.potential(self, strain, state) + state[:, 0]
+
+    def recoverable(self, strain, state):
+        return self.potential(strain, state)
+
+
+BROKEN = {
+    "stiffness": ({"stiffness": 1.1e6 * np.eye(3)}, "the tangent is not the stiffness"),
+    "its shape": ({"stiffness": 1e6 * np.eye(2)}, r"stiffness must be an array \(3, 3\)"),
+    "stiffest": ({"stiffest": StVenantKirchhoff(0.9e6 * np.eye(3))}, "the tangent is stiffer than the stiffest"),
+    "calibration": ({"beyond_calibration": lambda self, strain: True}, "neither None nor a sentence"),
+    "at rest": ({"beyond_calibration": lambda self, strain: "far"}, "beyond_calibration is not None"),
+    "negative": ({"recoverable": lambda self, strain, state: -np.ones(len(strain))}, "recoverable is negative"),
+    "writing": ({"recoverable": writing}, "recoverable changes what it is given"),
+    "list": ({"recoverable": lambda self, strain, state: [0.0]}, "recoverable must return an array"),
+    "not finite": ({"recoverable": lambda self, strain, state: strain[:, 0] / 0}, "recoverable is not finite"),
+    "gradient": ({"potential": scaled(1 + 1e-7), "recoverable": scaled(1 + 1e-7)}, "not the gradient of the potential"),
+    "another": ({"recoverable": scaled(0.9)}, "after the strain is not what is recoverable"),
+}
+
+
+@pytest.mark.parametrize("fault", BROKEN)
+def test_check_finds_what_is_wrong_with_it(fault):
+    members, sentence = BROKEN[fault]
+    with pytest.raises(InputError, match=sentence) as error:
+        check(type("Wrong", (Offering,), members)())
+    assert "\n" not in str(error.value) and str(error.value).endswith(".")
+
+
+def test_check_finds_energy_out_of_nothing():
+    with pytest.raises(InputError, match="a step makes energy"):
+        check(Restarting())
 
 
 def test_a_law_without_any_smooth_point_is_refused():
