@@ -97,12 +97,13 @@ def runner(args, cloth, areal_mass, bcs, loads, set_load=lambda t: None):
     return run, ledger
 
 
-def settings(scene, args, *more):
+def settings(scene, args, **more):
     """What a checkpoint must have been made with."""
     law = f"isotropic {args.isotropic}" if args.isotropic else f"{args.fabric}, {args.law}, {args.poisson}"
     mesh = f"{args.cells} cells, {args.element}, {args.layers} layers"
     shear = "no shear hysteresis" if args.no_shear_hysteresis else "shear hysteresis"
-    return ", ".join(map(str, (scene, law, shear, mesh, args.method, *more)))
+    motion = {"method": args.method, "rho": args.rho, "damping": args.damping, "rotary": args.rotary}
+    return {"scene": scene, "law": law, "shear": shear, "mesh": mesh, **motion, **more}
 
 
 @dataclass
@@ -114,7 +115,7 @@ class Scene:
     run: object
     ledger: object
     probes: dict
-    settings: str
+    settings: dict
 
 
 def play(scene, args, out, progress, watch=None):
@@ -165,7 +166,6 @@ def play(scene, args, out, progress, watch=None):
             if frames:
                 frames.add(step.load, now[0], sheet.cell_strain()[:, :3], sheet.yarns())
             clock = time.process_time()
-    checkpoint.save(state, run, scene.settings)
     if comm.rank == 0:
         plot(out / "energy.png", table, scene)
     title = f"{scene.name}, t = {run.time:.4g} s"

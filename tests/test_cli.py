@@ -1,6 +1,8 @@
 """The command line: every verb, what it says to bad input, and what `doctor` finds."""
 
+import dataclasses
 import importlib.util
+import json
 import os
 import re
 import subprocess
@@ -18,6 +20,7 @@ from fabric_fenicsx import fabrics, scenes, system
 from fabric_fenicsx.app import cli, doctor
 from fabric_fenicsx.errors import InputError
 from fabric_fenicsx.identify import synthetic
+from fabric_fenicsx.solvers import checkpoint
 
 read, look, MESHES = test_demos.read, test_demos.look, test_demos.MESHES
 pytestmark = pytest.mark.filterwarnings("ignore:.*is beyond the measured")
@@ -208,9 +211,50 @@ def test_a_motion_and_its_resumption(command, tmp_path):
     state = tmp_path / "whole" / "checkpoint.npz"
     assert command("run", path, "--resume", state, "--out", tmp_path / "on")[0] == 0
     assert read(tmp_path / "on" / "history.csv")["time_s"][0] == pytest.approx(0.025)
-    path.write_text(MOTION.replace("blend", "denim"))
-    status, _, complaint = command("run", path, "--resume", state, "--out", tmp_path / "on")
-    assert status == 2 and "another scene" in complaint
+
+
+def test_a_checkpoint_of_another_scene_is_refused_with_the_difference(command, tmp_path):
+    """Whatever the answer depends on, in the scene, in the fabric's file and in the groups of the mesh."""
+    (tmp_path / "cloth.toml").write_text(Path(fabrics.reading.__file__).with_name("blend.toml").read_text())
+    text = MOTION.replace('"blend"', '"cloth.toml"\nwarp = [1, 0, 0]').replace("end_s = 0.02", "end_s = 0.005")
+    path = scene(tmp_path, text)
+    assert command("run", path, "--out", tmp_path / "whole", "--quiet")[0] == 0
+    state = tmp_path / "whole" / "checkpoint.npz"
+    built = scenes.build(scenes.read(path))
+    run, _ = built.cloth.newmark(built.areal_mass, built.bcs, built.loads, set_load=built.set_load)
+    made = scenes.marks.marks(built)
+    kept = json.loads(str(np.load(state)["marks"]))
+    assert kept == made and len(made) > 30
+    changes = [
+        ("warp = [1, 0, 0]", "warp = [0, 1, 0]", "warp (1.0, 0.0, 0.0) and not (0.0, 1.0, 0.0)"),
+        ('"cloth.toml"', '"cloth.toml"\nelement = "q1"', "element None and not q1"),
+        ('"cloth.toml"', '"cloth.toml"\npoisson = "lowered"', "poisson measured and not lowered"),
+        ('"cloth.toml"', '"cloth.toml"\nshear_hysteresis = false', "shear_hysteresis True and not False"),
+        ('"cloth.toml"', '"cloth.toml"\nkinematics = "membrane"', "kinematics shell and not membrane"),
+        ('"cloth.toml"', '"cloth.toml"\nlayers = 5', "layers 3 and not 5"),
+        ('"cloth.toml"', '"cloth.toml"\nlaw = "printed"', "law continuous and not printed"),
+        ('"cloth.toml"', '"denim"', "fabric."),
+        ("-9.81]", "-9.80]", "load[1].value (0.0, 0.0, -9.81) and not (0.0, 0.0, -9.8)"),
+        ('"hinge"', '"clamp"', "support[1].kind hinge and not clamp"),
+        ('at = "corners"', 'at = "rim"', "support[1].at corners and not rim"),
+        ("end_s = 0.005", "end_s = 0.005\ndamping_per_s = 1", "damping 0.0 and not 1.0"),
+        ("end_s = 0.005", "end_s = 0.005\nrho = 1", "rho 0.8 and not 1.0"),
+    ]
+    for old, new, said in changes:
+        assert old in text
+        path.write_text(text.replace(old, new))
+        said_now = scenes.read(path)
+        other = dataclasses.replace(built, scene=said_now, fabric=fabrics.load(said_now.fabric))
+        with pytest.raises(InputError, match=re.escape(said)):
+            checkpoint.load(state, run, scenes.marks.marks(other))
+    path.write_text(text)
+    cloth = (tmp_path / "cloth.toml").read_text()
+    for line, other in (("density_kg_per_m3 = 590", "density_kg_per_m3 = 5900"), ("[8, 8.26e2]", "[8, 8.27e2]")):
+        assert line in cloth
+        (tmp_path / "cloth.toml").write_text(cloth.replace(line, other))
+        status, _, complaint = command("run", path, "--resume", state, "--out", tmp_path / "on")
+        assert status == 2 and "it was made with fabric." in complaint, complaint
+    assert not (tmp_path / "on" / "history.csv").exists(), "nothing is begun"
 
 
 @pytest.mark.parametrize("name", ["hanging", "twisted_strip"])

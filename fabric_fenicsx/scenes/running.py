@@ -15,6 +15,7 @@ from ..solvers.continuation import Step
 from ..solvers.energy import Ledger
 from ..terms import supports
 from .building import Built, build
+from .marks import marks
 from .reading import AXES, Scene
 
 
@@ -31,9 +32,9 @@ def run(scene: Scene, out: Path, progress: bool = True, resume: Path | None = No
     built = build(scene)
     cloth, comm = built.cloth, built.cloth.domain.mesh.comm
     steps, solver, ledger, motion = _start(built, progress)
-    guard: Any = checkpoint.guard(out / "checkpoint.npz", motion, _mark(scene)) if motion else None
+    guard: Any = checkpoint.guard(out / "checkpoint.npz", motion, marks(built)) if motion else None
     if motion and resume:
-        checkpoint.load(resume, motion, _mark(scene))
+        checkpoint.load(resume, motion, marks(built))
     held = {s.at: [supports.unknowns(cloth.domain, cloth.space, s.at, k) for k in range(3)] for s in scene.supports}
     everything = {at: supports.unknowns(cloth.domain, cloth.space, at) for at in held}
     u = cloth.displacement()
@@ -56,8 +57,6 @@ def run(scene: Scene, out: Path, progress: bool = True, resume: Path | None = No
             fields.write(step.load, value=coloured(strain, scene.colour))
             frames.add(step.load, u, strain, cloth.yarns())
     fields.close()
-    if motion:
-        checkpoint.save(out / "checkpoint.npz", motion, _mark(scene))
     if comm.rank == 0:
         series = Series(out / "frames")
         series.picture(out / "deformed.png", -1, scene.colour)
@@ -80,8 +79,3 @@ def _start(built: Built, progress: bool) -> tuple[Iterator[Step], Any, Ledger | 
         parts += [*np.linspace(last, turn, scene.steps + 1)[1:]]
         last = turn
     return statics.march(solver, built.set_load, parts, smallest=scene.smallest, progress=name), solver, None, None
-
-
-def _mark(scene: Scene) -> str:
-    """What a checkpoint must have been made with."""
-    return f"{scene.title}, {scene.mesh.name} {scene.numbers}, {scene.fabric}, {scene.law}, {scene.layers} layers"

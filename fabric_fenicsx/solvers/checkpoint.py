@@ -1,18 +1,20 @@
-"""A motion on disk: saved between two steps, and gone on with, on any number of ranks.
+"""A run on disk: saved between two steps, and gone on with, on any number of ranks.
 
 Everything is kept cell by cell, in the order of the cells in the mesh's own file, so that it fits however the
 mesh is shared out. On as many ranks as before, what follows is the same to the last bit.
 """
 
 import hashlib
+import json
 import os
 import signal
-from collections.abc import Iterator
-from contextlib import contextmanager
+import sys
+import time
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from types import FrameType
 from typing import Any, Protocol
-from zipfile import BadZipFile
 
 import numpy as np
 from mpi4py import MPI
@@ -21,14 +23,18 @@ from dolfinx import fem
 from ..errors import InputError, StepFailed
 from ..laws import Array
 
-FORMAT = 1
+FORMAT = 2
+EVERY = 60.0
+"""Time from one checkpoint to the next, s: what a run loses at most."""
+SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 
 class Run(Protocol):
     """What can be saved: `newmark.Newmark` and `explicit.CentralDifference`."""
 
     comm: MPI.Comm
-    interrupted: bool
+    pause: Callable[[], None]
+    """Is called on every rank between two steps, when the last one has been dealt with."""
 
     def numbers(self) -> dict[str, float]: ...
     def set_numbers(self, numbers: dict[str, float]) -> None: ...
@@ -36,66 +42,50 @@ class Run(Protocol):
     def renew(self) -> None: ...
 
 
-def save(path: str | Path, run: Run, scene: str = "") -> None:
-    """Write the last accepted step of a run; to be called on every rank. scene: text that `load` has to be given too.
+def save(path: str | Path, run: Run, marks: Mapping[str, object] | None = None) -> None:
+    """Write the last accepted step of a run; to be called on every rank.
 
-    The file is there in whole or not at all. Raises InputError, on every rank, if it cannot be written.
+    marks: by name, all that the answer depends on beside mesh and kind of run; `load` has to be given the same.
+    The file is there in whole or not at all, and the one that was there before is kept as `before(path)`. Raises, on
+    every rank, InputError if it cannot be written, and StepFailed for a state that is not finite.
     """
     space, fields = run.fields()
-    mesh = space.mesh
+    mesh, path = space.mesh, Path(path)
     owned = mesh.topology.index_map(mesh.topology.dim).size_local
     order = np.array(mesh.topology.original_cell_index[:owned])
     parts = {name: _rows(space, kind, array)[:owned] for name, kind, array in fields}
+    numbers = run.numbers()
+    bad = [name for name, rows in (parts | numbers).items() if not np.isfinite(rows).all()]
+    bad = sorted(set().union(*run.comm.allgather(bad)))
+    if bad:
+        raise StepFailed(f"The state is not finite ({', '.join(bad)}) and is not saved in {str(path)!r}.")
     gathered = run.comm.gather((order, parts), 0)
     mark, fault = identity(mesh), None
     if gathered is not None:
+        gathered = [rank for rank in gathered if len(rank[0])]
         place = np.argsort(np.concatenate([rank[0] for rank in gathered]))
-        arrays = {name: np.concatenate([rank[1][name] for rank in gathered])[place] for name in parts}
-        numbers = run.numbers()
-        path = Path(path)
-        rough = path.with_name(path.name + ".part")
-        try:
-            with open(rough, "wb") as file:
-                content = {f"cell_{name}": array for name, array in arrays.items()}
-                content |= {"format": np.array(FORMAT), "mesh": np.array(mark), "scene": np.array(scene)}
-                content |= {"names": np.array(list(numbers)), "numbers": np.array(list(numbers.values()))}
-                np.savez(file, allow_pickle=False, **content)
-            os.replace(rough, path)
-        except OSError as error:
-            fault = f"The checkpoint {str(path)!r} cannot be written ({error.strerror})."
+        content = {f"cell_{name}": np.concatenate([rank[1][name] for rank in gathered])[place] for name in parts}
+        content |= {"format": np.array(FORMAT), "mesh": np.array(mark), "marks": np.array(_text(marks))}
+        content |= {"names": np.array(list(numbers)), "numbers": np.array([*map(float, numbers.values())])}
+        fault = _write(path, content)
     fault = run.comm.bcast(fault, 0)
     if fault:
         raise InputError(fault)
 
 
-def load(path: str | Path, run: Run, scene: str = "") -> None:
-    """Put a run that was made for the same mesh and scene where a saved one was; to be called on every rank.
+def load(path: str | Path, run: Run, marks: Mapping[str, object] | None = None) -> None:
+    """Put a run that was made for the same mesh and the same marks where a saved one was; to be called on every rank.
 
-    Raises InputError, on every rank, for a file that is none or that belongs to another mesh or scene.
+    Raises InputError, on every rank, for a file that is none, or that belongs to another run, with the difference.
     """
     space, fields = run.fields()
-    mesh, mark = space.mesh, identity(space.mesh)
-    fault, data = None, {}
-    try:
-        with np.load(path, allow_pickle=False) as file:
-            data = dict(file)
-        if data["format"] != FORMAT:
-            fault = f"it has format {data['format']}, not {FORMAT}"
-        elif str(data["mesh"]) != mark:
-            fault = "it was made on another mesh"
-        elif str(data["scene"]) != scene:
-            fault = f"it was made by another scene: {data['scene']}; this one is: {scene}"
-        elif any(f"cell_{name}" not in data for name, *_ in fields):
-            fault = "the law, the shell or the energy account is another"
-        else:
-            for name, kind, array in fields:
-                rows = data[f"cell_{name}"]
-                if rows.shape[1:] != _rows(space, kind, array).shape[1:]:
-                    fault = f"its {name} has another size: the law, the layers or the element are others"
-    except (OSError, ValueError, KeyError, EOFError, BadZipFile) as error:
-        fault = f"it cannot be read ({error.strerror if isinstance(error, OSError) else 'no checkpoint'})"
+    mesh = space.mesh
+    mark, data = identity(mesh), _read(Path(path))
+    fault = (
+        data if isinstance(data, str) else _misfit(data, space, fields, run.numbers(), mark, json.loads(_text(marks)))
+    )
     fault = next((said for said in run.comm.allgather(fault) if said), None)
-    if fault:
+    if fault or isinstance(data, str):
         raise InputError(f"The checkpoint {str(path)!r} does not fit: {fault}.")
     order = mesh.topology.original_cell_index
     for name, kind, array in fields:
@@ -104,27 +94,98 @@ def load(path: str | Path, run: Run, scene: str = "") -> None:
     run.renew()
 
 
+def before(path: str | Path) -> Path:
+    """Where the checkpoint before the last one is kept."""
+    return Path(path).with_suffix(f".before{Path(path).suffix}")
+
+
+def last(path: str | Path, comm: MPI.Comm) -> Path | None:
+    """The last checkpoint of a run that can be read in whole: that at the path, or the one before; None without."""
+    found = None
+    if comm.rank == 0:
+        found = next((p for p in (Path(path), before(path)) if not isinstance(_read(p), str)), None)
+    return comm.bcast(found, 0)
+
+
 @contextmanager
-def guard(path: str | Path, run: Run, scene: str = "") -> Iterator[None]:
-    """Save the last accepted step if the run fails or is interrupted (Ctrl-C) in here.
+def guard(
+    path: str | Path, run: Run, marks: Mapping[str, object] | None = None, every: float = EVERY
+) -> Iterator[None]:
+    """Save the run in here: every so many seconds, and when it ends, fails, or is interrupted; marks: see `save`.
 
-    The first Ctrl-C lets the present step end, a second one does not wait for it.
+    Ctrl-C, SIGTERM and SIGHUP let the present step end; a second one does not, but waits for a file that is being
+    written. To be used on every rank.
     """
-
-    def interrupt(number: int, where: FrameType | None) -> None:
-        run.interrupted = True
-        signal.signal(signal.SIGINT, before)
-
-    before = signal.signal(signal.SIGINT, interrupt)
+    keeper = _Keeper(path, run, marks, every)
+    handlers = {number: signal.getsignal(number) for number in SIGNALS}
+    for number, handler in handlers.items():
+        if number != signal.SIGHUP or handler != signal.SIG_IGN:  # nohup
+            signal.signal(number, keeper.interrupt)
+    run.pause = keeper.pause
     try:
         yield
+        keeper.save()
     except (StepFailed, KeyboardInterrupt) as error:
-        save(path, run, scene)
-        if run.comm.rank == 0:
-            print(f"{type(error).__name__}: the last good state is in {path}", flush=True)
+        if keeper.hurried:
+            if run.comm.size > 1:  # the others do not know
+                run.comm.Abort(128 + keeper.hurried)
+            raise
+        try:
+            keeper.save()
+            keeper.say(f"{type(error).__name__}: the last good state is in {path}")
+        except StepFailed as fault:
+            keeper.say(f"{fault} The last good one, if any, is there still")
         raise
     finally:
-        signal.signal(signal.SIGINT, before)
+        run.pause = _nothing
+        for number, handler in handlers.items():
+            signal.signal(number, handler)
+
+
+class _Keeper:
+    """Saves a run between its steps."""
+
+    def __init__(self, path: str | Path, run: Run, marks: Mapping[str, object] | None, every: float) -> None:
+        self._path, self._run, self._marks, self._every = path, run, marks, every
+        self._saved, self._caught, self._saving = time.monotonic(), 0, False
+        self.hurried = 0
+        """Number of the signal that does not wait for the step to end."""
+
+    def interrupt(self, number: int, where: FrameType | None) -> None:
+        if self._caught and not self._saving:
+            self.hurried = number
+            raise KeyboardInterrupt(number)
+        if not self._caught:
+            self._caught = number
+            with suppress(OSError):  # print may be in the middle of a line
+                os.write(
+                    2, b"\nstopping after the present step; once more to stop at once\n" * (self._run.comm.rank == 0)
+                )
+
+    def pause(self) -> None:
+        """Between two steps: save if it is time; raise KeyboardInterrupt, on every rank, if one has been told to."""
+        due = self._run.comm.rank == 0 and time.monotonic() - self._saved >= self._every
+        told = self._run.comm.allreduce(2 * self._caught + due, MPI.MAX)  # in one message, for it is one a step
+        if told > 1:
+            raise KeyboardInterrupt(told // 2)
+        if told:
+            self.save()
+
+    def save(self) -> None:
+        self._saving = True
+        try:
+            save(self._path, self._run, self._marks)
+        finally:
+            self._saving = False
+        self._saved = time.monotonic()
+
+    def say(self, what: str) -> None:
+        if self._run.comm.rank == 0:
+            with suppress(OSError):  # SIGHUP: nobody listens any more
+                print(what, file=sys.stderr, flush=True)
+
+
+def _nothing() -> None: ...
 
 
 def identity(mesh: Any) -> str:
@@ -140,20 +201,95 @@ def identity(mesh: Any) -> str:
     return str(mesh.comm.bcast(mark, 0))
 
 
+def _text(marks: Mapping[str, object] | None) -> str:
+    return json.dumps({name: str(value) for name, value in (marks or {}).items()})
+
+
+def _write(path: Path, content: dict[str, np.ndarray]) -> str | None:
+    """Write aside and rename; what went wrong."""
+    rough = path.with_name(path.name + ".part")
+    try:
+        with open(rough, "wb") as file:
+            np.savez(file, allow_pickle=False, **content)
+            file.flush()
+            os.fsync(file.fileno())
+        if path.is_file():
+            os.replace(path, before(path))
+        os.replace(rough, path)
+    except OSError as error:
+        with suppress(OSError):
+            rough.unlink()
+        return f"The checkpoint {str(path)!r} cannot be written ({error.strerror})."
+    return None
+
+
+def _read(path: Path) -> dict[str, np.ndarray] | str:
+    """All arrays of a file, or why there are none."""
+    try:
+        with np.load(path, allow_pickle=False) as file:
+            return dict(file)
+    except OSError as error:
+        return f"it cannot be read ({error.strerror or 'no checkpoint'})"
+    except Exception:  # whatever NumPy, zip and zlib say to what is none
+        return "it cannot be read (no checkpoint)"
+
+
+def _misfit(
+    data: dict[str, np.ndarray],
+    space: fem.FunctionSpace,
+    fields: list[tuple[str, str, Array]],
+    wanted: dict[str, float],
+    mark: str,
+    marks: dict[str, str],
+) -> str | None:
+    """Why a file is not of this run, or not whole."""
+    cells = space.mesh.topology.index_map(space.mesh.topology.dim).size_global
+    missing = {"format", "mesh", "marks", "names", "numbers"} - data.keys()
+    if "format" in data and str(data["format"]) != str(FORMAT):
+        return f"it has format {data['format']}, not {FORMAT}"
+    if missing:
+        return f"it cannot be read (no checkpoint: it has no {', '.join(sorted(missing))})"
+    if str(data["mesh"]) != mark:
+        return "it was made on another mesh"
+    try:
+        made = dict(json.loads(str(data["marks"])))
+    except (ValueError, TypeError):
+        return "what it was made with cannot be read"
+    other = [name for name in {**marks, **made} if made.get(name) != marks.get(name)]
+    said = [f"{name} {made.get(name, 'left out')} and not {marks.get(name, 'left out')}" for name in other[:3]]
+    if said:
+        more = f", and {len(other) - 3} more" if len(other) > 3 else ""
+        return f"it was made with {'; '.join(said)}{more}"
+    if any(f"cell_{name}" not in data for name, *_ in fields) or {*map(str, data["names"].ravel())} != wanted.keys():
+        return "the law, the shell or the energy account is another"
+    for name, kind, array in fields:
+        # a rank without cells cannot tell how long a row is
+        rows, row = data[f"cell_{name}"], _rows(space, kind, array).shape[1:]
+        if rows.dtype != np.float64 or rows.ndim != 2 or rows.shape[:1] != (cells,) or row not in ((), rows.shape[1:]):
+            return f"its {name} has another size or type: the law, the layers or the element are others"
+    numbers = data["numbers"]
+    if numbers.dtype != np.float64 or numbers.shape != (len(wanted),) or data["names"].shape != (len(wanted),):
+        return "its numbers are not one for each name"
+    bad = [name for name in ("numbers", *(f"cell_{name}" for name, *_ in fields)) if not np.isfinite(data[name]).all()]
+    return f"it holds what is not finite ({', '.join(bad)})" if bad else None
+
+
 def _index(space: fem.FunctionSpace) -> np.ndarray:
     """Unrolled local unknowns of each cell."""
     dofs, bs = space.dofmap.list, space.dofmap.bs
-    return (dofs[..., None] * bs + np.arange(bs)).reshape(len(dofs), -1)
+    return (dofs[..., None] * bs + np.arange(bs)).reshape(len(dofs), dofs.shape[1] * bs)
 
 
 def _rows(space: fem.FunctionSpace, kind: str, array: Array) -> Array:
     """A row for each local cell: of the unknowns of the space, or of as many equal parts as there are cells."""
     index = _index(space)
-    return array[index] if kind == "unknowns" else array.reshape(len(index), -1)
+    if kind == "unknowns":
+        return array[index]
+    return array.reshape(len(index), -1) if len(index) else np.empty(0)
 
 
 def _set_rows(space: fem.FunctionSpace, kind: str, array: Array, rows: Array) -> None:
     if kind == "unknowns":
         array[_index(space)] = rows
-    else:
+    elif len(rows):
         array.reshape(len(rows), -1)[:] = rows

@@ -219,8 +219,8 @@ class CentralDifference(Stepper):
                 self.number += 1
                 bar.set_postfix_str(f"t={self.time:.4g} s{self._balance()}", refresh=False)
                 bar.update()
-                self.stop_if_interrupted()
                 yield Step(self.number, self.time, parts, 0, time.perf_counter() - clock)
+                self.pause()
 
     def _arrays(self) -> list[Array]:
         motion = self.motion

@@ -191,13 +191,12 @@ class Newmark(Stepper):
             raise InputError(f"A time step of {dt!r} s is not a positive number.")
         if not (np.isfinite(end) and end > self.time):
             raise InputError(f"The end at {end!r} s is not after the present time, {self.time:g} s.")
-        steps = max(1, round((end - self.time) / dt))
-        times = np.linspace(self.time, end, steps + 1)[1:]
+        times = self.times(end, dt)
         self._smallest = smallest
         if not self._began:
             self.ts.setTimeStep(dt)
             self.begin()
-        with progress_bar(steps, progress, self.comm) as bar:
+        with progress_bar(len(times), progress, self.comm) as bar:
             for target in times:
                 clock, self.iterations, self.cuts, begun, done = time.perf_counter(), 0, 0, self.time, 0.0
                 while done < 1.0:
@@ -217,5 +216,5 @@ class Newmark(Stepper):
                 said = f"t={self.time:.4g} s, newton={self.iterations}, cuts={self.cuts}{self._balance()}"
                 bar.set_postfix_str(said, refresh=False)
                 bar.update()
-                self.stop_if_interrupted()
                 yield Step(self.number, self.time, self.iterations, self.cuts, time.perf_counter() - clock)
+                self.pause()

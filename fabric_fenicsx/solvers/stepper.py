@@ -41,7 +41,10 @@ class Stepper(Reactions):
         """An `energy.Ledger`, if one is kept."""
         self.finest = 1.0
         """The smallest step taken, as a part of the nominal one."""
-        self.interrupted = self._began = False
+        self._began = self._resumed = False
+        self._origin = start, 0
+        self.pause: Callable[[], None] = lambda: None
+        """What is done between two steps; see `checkpoint.guard`."""
         self.linear_iterations = 0
         """So far; without linear systems, none."""
         self.ts = PETSc.TS().createPython(_Context(self), comm=self.comm)
@@ -74,11 +77,17 @@ class Stepper(Reactions):
         ledger = self.ledger
         return f", imbalance={100 * ledger.totals['imbalance'] / max(ledger.most, 1e-30):.2g} %" if ledger else ""
 
-    def stop_if_interrupted(self) -> None:
-        """Raise KeyboardInterrupt, on every rank, if `checkpoint.guard` has seen one."""
-        if self.comm.allreduce(self.interrupted):
-            self.interrupted = False
-            raise KeyboardInterrupt
+    def times(self, end: float, dt: float) -> Array:
+        """The ends of the steps to go, of about dt; those of the march that a checkpoint was made in, to the bit."""
+        if not self._resumed:
+            self._origin = self.time, self.number
+        self._resumed = False
+        start, number = self._origin
+        times = np.linspace(start, end, max(1, round((end - start) / dt)) + 1)[self.number - number :]
+        if not len(times) or times[0] != self.time:  # to another end, or in other steps
+            self._origin = self.time, self.number
+            times = np.linspace(self.time, end, max(1, round((end - self.time) / dt)) + 1)
+        return np.asarray(times[1:])
 
     def _unknown(self) -> fem.Function:
         return self.motion.q
@@ -87,11 +96,13 @@ class Stepper(Reactions):
 
     def numbers(self) -> dict[str, float]:
         """Time and energies of the last accepted step."""
-        return {"time": self.time, "number": self.number} | (self.ledger.numbers() if self.ledger else {})
+        own = {"time": self.time, "number": self.number, "from_time": self._origin[0], "from_number": self._origin[1]}
+        return own | (self.ledger.numbers() if self.ledger else {})
 
     def set_numbers(self, numbers: dict[str, float]) -> None:
         """As `numbers` gave them."""
         self.time, self.number = numbers["time"], int(numbers["number"])
+        self._origin, self._resumed = (numbers["from_time"], int(numbers["from_number"])), True
         if self.ledger:
             self.ledger.set_numbers(numbers)
 

@@ -1,0 +1,59 @@
+"""All that the answer of a scene depends on, by name: what a checkpoint must have been made with."""
+
+import hashlib
+from collections.abc import Iterator, Mapping
+from dataclasses import fields, is_dataclass, replace
+from typing import Any
+
+import numpy as np
+from dolfinx import mesh
+
+from ..surfaces.meshing import Domain
+from .building import Built
+
+FREE = {"file", "title", "mesh", "numbers", "fabric", "supports", "loads", "probes"}
+FREE |= {"turns", "steps", "smallest", "end", "step", "colour", "view", "animation"}
+"""What a scene may say otherwise when it is gone on with, or is looked at in another way."""
+WORDS = ("name", "label", "material", "weave", "sources", "transverse_source")
+"""Of a fabric, what is no number."""
+
+
+def marks(built: Built) -> dict[str, str]:
+    """Of a scene: its sheet, every number of its fabric, supports, loads, and the groups where they are.
+
+    Not in it: the mesh, which a checkpoint looks at itself; where the run ends and in what steps; what is shown.
+    To be called on every rank.
+    """
+    scene = built.scene
+    named: dict[str, Any] = {f.name: getattr(scene, f.name) for f in fields(scene) if f.name not in FREE}
+    for i, support in enumerate(scene.supports, 1):
+        moves = any((*support.shift, *support.turn))
+        named[f"support[{i}]"] = support if moves else replace(support, path=())  # which by default goes to the end
+    named |= {f"load[{i}]": load for i, load in enumerate(scene.loads, 1)}
+    named |= {f"fabric.{f.name}": getattr(built.fabric, f.name) for f in fields(built.fabric) if f.name not in WORDS}
+    groups = {support.at for support in scene.supports} | {load.at for load in scene.loads if load.at}
+    groups |= set(scene.warp) if isinstance(scene.warp, Mapping) else set()
+    named |= {f"group {name!r}": group(built.cloth.domain, name) for name in sorted(groups)}
+    return {name: str(value) for key, part in named.items() for name, value in _leaves(key, part)}
+
+
+def group(domain: Domain, name: str) -> str:
+    """Which nodes of the mesh's own file a group has: its size and a digest, the same on any number of ranks."""
+    dim, entities = domain.entities(name)
+    surface = domain.mesh
+    surface.topology.create_connectivity(dim, surface.topology.dim)
+    nodes = mesh.entities_to_geometry(surface, dim, np.asarray(entities, dtype=np.int32))
+    own = np.sort(surface.geometry.input_global_indices[nodes], axis=1) if len(entities) else np.empty((0, 1), int)
+    every = {tuple(row) for rows in surface.comm.allgather(own.tolist()) for row in rows}
+    return f"of {len(every)} ({hashlib.sha256(repr(sorted(every)).encode()).hexdigest()[:8]})"
+
+
+def _leaves(name: str, part: Any) -> Iterator[tuple[str, Any]]:
+    """Every number and word in a part, with its name."""
+    if is_dataclass(part):
+        part = {field.name: getattr(part, field.name) for field in fields(part)}
+    if isinstance(part, Mapping):
+        for key, value in part.items():
+            yield from _leaves(f"{name}.{key}", value)
+    else:
+        yield name, part
