@@ -37,8 +37,10 @@ Rooms, in the order in which a scene goes through them, and their names; each ro
 - `app.command`: what every script does at its command line: `parse`, `say`, `run`; `system`: `can_draw`, `mpirun`
 - `errors`: `InputError`, `StepFailed`
 
-The other rooms serve these: `surfaces.checking` and `surfaces.importing` a mesh, `shell.rotation` and `shell.dirichlet`
-the directors, `terms.kernels` the stiffness, `solvers.stepper`, `solvers.step` and `solvers.stable_step` the motions,
+The other rooms serve these: `surfaces.checking`, `surfaces.grouping` and `surfaces.preparing` a mesh; files
+`surfaces.importing`, `surfaces.gmsh_models`, `surfaces.geo_programs` (what a `.geo` may not do), `surfaces.abaqus`,
+`surfaces.abaqus_lines` and `surfaces.abaqus_parts`; `shell.rotation` and `shell.dirichlet` the directors,
+`terms.kernels` the stiffness, `solvers.stepper`, `solvers.step` and `solvers.stable_step` the motions,
 `solvers.reactions` all of them, `entries` the TOML files, `compiling` the forms that are compiled once and kept,
 `app.doctor` the command.
 

@@ -18,7 +18,19 @@ FLOORS = [
     {"entries"},
     {"fabrics"},
     {"laws"},
-    {"surfaces": [{"checking"}, {"importing"}, {"meshing"}, {"yarns"}]},
+    {
+        "surfaces": [
+            {"checking"},
+            {"grouping"},
+            {"preparing"},
+            {"abaqus_lines", "geo_programs"},
+            {"abaqus_parts"},
+            {"abaqus", "gmsh_models"},
+            {"importing"},
+            {"meshing"},
+            {"yarns"},
+        ]
+    },
     {"shell": [{"kinematics", "rotation", "dirichlet"}, {"directors"}, {"assumed_strain"}]},
     {"terms": [{"supports", "hook", "weakform", "kernels"}, {"work"}]},
     {
@@ -96,7 +108,7 @@ def test_only_those_who_need_them_know_of_fenics_petsc_and_gmsh(path):
         assert not {name.split(".")[0] for name in outside} & FENICS
     if here not in PETSC and not here.startswith("solvers."):
         assert not any(name.startswith(("petsc4py", "dolfinx.fem.petsc")) for name in outside)
-    if here not in ("surfaces.meshing", "surfaces.importing"):
+    if here not in ("surfaces.meshing", "surfaces.gmsh_models", "surfaces.importing"):
         assert not any(name.split(".")[0] in ("gmsh", "meshio") for name in outside)
 
 

@@ -171,9 +171,14 @@ REFUSED = {
         'SetFactory("OpenCASCADE"); Box(1) = {0, 0, 0, 1, 1, 1}; Mesh 3; Physical Volume("solid") = {1};\n',
         "and no volumes",
     ),
-    "half_named.geo": (TWO_SQUARES + 'Physical Surface("sheet") = {1};\n', "in exactly one physical surface"),
-    "named_twice.geo": (square + "Physical Surface(99) = {1};\n", "in exactly one physical surface"),
-    "mixed.geo": (TWO_SQUARES + 'Recombine Surface{1}; Physical Surface("sheet") = {1, 2};\n', "mixes triangles"),
+    "half_named.geo": (
+        TWO_SQUARES + 'Physical Surface("sheet") = {1};\n',
+        "must be in a physical surface, and 50 of 100 are in none",
+    ),
+    "mixed.geo": (
+        TWO_SQUARES + 'Recombine Surface{1}; Physical Surface("sheet") = {1, 2};\n',
+        "of 4 nodes and triangles of 3 nodes.*triangulate = true",
+    ),
 }
 
 

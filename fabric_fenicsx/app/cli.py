@@ -163,13 +163,14 @@ def identify(tests: Path, shear: str, ends: str, out: Path) -> None:
 @click.option("--out", type=folder, help="Folder for the results.  [default: out/NAME OF THE SCENE]")
 @click.option("--resume", type=file, help="Go on from the checkpoint of a motion.")
 @click.option("--quiet", is_flag=True, help="No progress.")
-def run(scene: Path, out: Path | None, resume: Path | None, quiet: bool) -> None:
+@click.option("--trust", is_flag=True, help="Let a .geo mesh run programs and write files, if it does.")
+def run(scene: Path, out: Path | None, resume: Path | None, quiet: bool, trust: bool) -> None:
     """Run SCENE, a TOML file (see --keys, and demos/scenes); also by mpirun -n N fabric-fenicsx run ..."""
     from .. import scenes
     from ..output import results
     from . import command
 
-    said = scenes.read(scene)
+    said = scenes.read(scene, trust=trust)
     out = results.folder(out or Path("out") / scene.stem)
     table = scenes.run(said, out, not quiet, resume)
     last = table.rows[-1]

@@ -1,5 +1,6 @@
 """From what a scene file says to the sheet, its supports and its loads."""
 
+import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
@@ -39,7 +40,20 @@ class Built:
 def build(scene: Scene, comm: MPI.Comm = MPI.COMM_WORLD) -> Built:
     """Read mesh and fabric, and make the sheet. Raises InputError, on every rank, for what does not fit together."""
     fabric = fabrics.load(scene.fabric)
-    domain = meshing.read(scene.mesh, comm, 3, scene.orient, **scene.numbers)
+    domain = meshing.read(
+        scene.mesh,
+        comm,
+        orient=scene.orient,
+        scale=scene.scale,
+        merge=scene.merge,
+        triangulate=scene.triangulate,
+        trust=scene.trust,
+        numbers=scene.numbers,
+    )
+    if domain.pieces > 1 and comm.rank == 0:
+        warnings.warn(
+            f"The sheet of {scene.mesh.name} is of {domain.pieces} pieces, which no edge joins.", stacklevel=2
+        )
     law = named.law(scene.law, fabric, scene.poisson, scene.shear_hysteresis)
     G = fabric.shear.modulus[0]
     warp = scene.warp if isinstance(scene.warp, tuple) else yarns.patches(domain, scene.warp)
@@ -55,7 +69,7 @@ def build(scene: Scene, comm: MPI.Comm = MPI.COMM_WORLD) -> Built:
         loads += _work(cloth, load, value, fabric.density * fabric.thickness)
         moves.append((load.path, _setter(value, np.array(load.value) if len(load.value) > 1 else load.value[0])))
     for probe in scene.probes:
-        domain.entities(probe.at)
+        domain.dims(probe.at)
 
     def set_load(t: float) -> None:
         for path, move in moves:
@@ -114,10 +128,9 @@ def _work(cloth: Sheet, load: Load, value: fem.Constant, areal_mass: float) -> F
     needed = {"point": (0, "points"), "edge": (1, "edges")}.get(load.kind, (2, "cells"))
     dx = cloth.dx
     if load.at:
-        dim, _ = cloth.domain.entities(load.at)
-        if dim != needed[0]:
+        if needed[0] not in cloth.domain.dims(load.at):
             raise InputError(f"The load {load.kind!r} at {load.at!r} needs a group of {needed[1]}; name one.")
-        dx = supports.over(cloth.domain, load.at, degree=2)
+        dx = supports.over(cloth.domain, load.at, degree=2, dim=needed[0])
     if load.kind == "gravity":
         return weakform.gravity(areal_mass, value, cloth.v, dx)
     if load.kind == "pressure":

@@ -8,6 +8,9 @@ Every key, with its default where it has one:
     file = "../../meshes/drape.geo"             # beside this file; as `meshing.read` takes it
     numbers = { side = 1.0, n = 12 }            # of a .geo
     orient = false                              # turn cells so that neighbours face the same side
+    scale = 1.0                                 # metres to a unit of the file: 0.001 for millimetres
+    merge = 1e-6                                # m; points on free edges that are nearer are one; none if left out
+    triangulate = false                         # cut all cells into triangles
 
     [sheet]
     fabric = "blend"                            # a name, or a TOML file beside this one
@@ -122,6 +125,10 @@ class Scene:
     mesh: Path
     numbers: dict[str, float]
     orient: bool
+    scale: float
+    merge: float | None
+    triangulate: bool
+    trust: bool
     fabric: str
     law: str
     poisson: str
@@ -146,13 +153,13 @@ class Scene:
     animation: bool
 
 
-def read(path: str | Path) -> Scene:
-    """Read a scene file. Raises InputError for what is missing, unknown, of the wrong type, or makes no sense."""
+def read(path: str | Path, *, trust: bool = False) -> Scene:
+    """Read a scene file. trust: whether its mesh may run programs. Raises InputError for a fault, which it names."""
     path = Path(path)
     file = entries.read(path, "a scene file", "the example of 'fabric-fenicsx run --keys'")
     file.expect("mesh sheet support", "title load statics dynamics probe output")
     mesh, sheet = file.table("mesh"), file.table("sheet")
-    mesh.expect("file", "numbers orient")
+    mesh.expect("file", "numbers orient scale merge triangulate")
     sheet.expect("fabric", "law poisson shear_hysteresis warp kinematics element layers")
     numbers = mesh.table("numbers") if "numbers" in mesh.entries else Table(file.file, "mesh.numbers.", {})
     fabric = sheet.text("fabric")
@@ -185,6 +192,10 @@ def read(path: str | Path) -> Scene:
         mesh=path.parent / mesh.text("file"),
         numbers={key: numbers.number(key, value) for key, value in numbers.entries.items()},
         orient=mesh.yes("orient"),
+        scale=mesh.positive("scale", 1.0),
+        merge=mesh.positive("merge") if "merge" in mesh.entries else None,
+        triangulate=mesh.yes("triangulate"),
+        trust=trust,
         fabric=str(path.parent / fabric) if fabric.endswith(".toml") else fabric,
         law=sheet.choice("law", NAMES, DEFAULT),
         poisson=sheet.choice("poisson", ("measured", "lowered")),
@@ -279,9 +290,7 @@ def _probe(table: Table) -> Probe:
 
 def _path(table: Table, default: Course) -> Course:
     """Pairs of load part or time, and share; the first of each pair grows."""
-    if "path" not in table.entries:
-        return default
-    listed = table.entries["path"]
+    listed = table.entries.get("path", [[*pair] for pair in default])
     if not isinstance(listed, list) or not listed or not all(isinstance(p, list) and len(p) == 2 for p in listed):
         table.refuse("path", "is not a list of pairs", "write it as [[0, 0], [1, 1]]")
     pairs = tuple((table.number("path", a), table.number("path", b)) for a, b in listed)

@@ -23,8 +23,38 @@ DEGREE = {3: 1, 4: 1, 6: 2, 9: 2, 10: 3, 16: 3}
 """Nodes of a triangle or quadrilateral -> degree of its geometry."""
 _CORNERS = {"triangle": (0, 1, 2), "quadrilateral": (0, 1, 3, 2)}
 """The corners of a cell, going round."""
-TURNED = {3: (0, 2, 1), 4: (0, 2, 1, 3), 6: (0, 2, 1, 3, 5, 4), 9: (0, 2, 1, 3, 5, 4, 7, 6, 8)}
-"""Number of nodes -> the order of the nodes in which a cell faces the other side."""
+
+
+def turned(kind: str, width: int) -> Array:
+    """The order of the nodes in which a cell faces the other side: its axes trade places."""
+    x = np.asarray(_element(kind, width).points)
+    return np.array([np.abs(x - x[k, ::-1]).sum(axis=1).argmin() for k in range(width)])
+
+
+def between(kind: str, width: int) -> dict[int, list[int]]:
+    """Node of a cell that is no corner -> the corners that it is between: of an edge, or all."""
+    element = _element(kind, width)
+    corners = basix.topology(basix.CellType[kind])
+    return {node: corners[dim][k] for dim in (1, 2) for k, own in enumerate(element.entity_dofs[dim]) for node in own}
+
+
+def edges(cells: Array, kind: str) -> tuple[Array, Array, Array]:
+    """Ends of all edges, the smaller first, shape (edges, 2), in order; the edge of each side of each cell, going
+    round, shape (cells, sides); and how many cells each edge has."""
+    corners = cells[:, _CORNERS[kind]].astype(np.int64)
+    ends = np.sort(np.stack([corners, np.roll(corners, -1, axis=1)], axis=-1).reshape(-1, 2), axis=1)
+    total = ends.max(initial=0) + 1
+    key, side, count = np.unique(ends[:, 0] * total + ends[:, 1], return_inverse=True, return_counts=True)
+    return np.column_stack([key // total, key % total]), side.reshape(corners.shape), count
+
+
+def pieces(sides: Array, count: Array) -> int:
+    """How many pieces no edge joins; sides, count: see `edges`."""
+    owner = np.repeat(np.arange(len(sides)), sides.shape[1])
+    graph = coo_array(
+        (np.ones(len(owner)), (owner, len(sides) + sides.ravel())), shape=(n := len(sides) + len(count), n)
+    )
+    return int(connected_components(graph, directed=False)[0])
 
 
 def check(points: Array, cells: Array, kind: str, orient: bool = False) -> Array:
@@ -54,11 +84,9 @@ def check(points: Array, cells: Array, kind: str, orient: bool = False) -> Array
         raise InputError(f"Cell {row[k + 1]} at {at(row[k + 1])} is the same as cell {row[k]}: remove one of them.")
 
     # sides of the cells, in the order of their edges
-    ends = np.stack([corners, np.roll(corners, -1, axis=1)], axis=-1).reshape(-1, 2).astype(np.int64)
-    _, edge, count = np.unique(
-        ends.min(axis=1) * len(points) + ends.max(axis=1), return_inverse=True, return_counts=True
-    )
-    sides = np.argsort(edge, kind="stable")
+    ends = np.stack([corners, np.roll(corners, -1, axis=1)], axis=-1).reshape(-1, 2)
+    _, edge, count = edges(cells, kind)
+    sides = np.argsort(edge.ravel(), kind="stable")
     start = np.cumsum(count) - count
     owner, forward = np.repeat(np.arange(len(cells)), corners.shape[1]), ends[:, 0] < ends[:, 1]
     for e in np.flatnonzero(count > 2)[:1]:
@@ -92,14 +120,15 @@ def place(x: Array) -> str:
     return f"({', '.join(f'{float(c):.4g}' for c in x)})"
 
 
+def _element(kind: str, width: int) -> basix.finite_element.FiniteElement:
+    """Of the geometry of a cell of so many nodes."""
+    equispaced = basix.LagrangeVariant.equispaced
+    return basix.create_element(basix.ElementFamily.P, basix.CellType[kind], DEGREE[width], equispaced)
+
+
 def _aspect(points: Array, cells: Array, kind: str) -> Array:
     """Longest side against least width of each cell, by the surface's metric at its nodes; infinite for no area."""
-    element = basix.create_element(
-        basix.ElementFamily.P,
-        basix.CellType[kind],
-        DEGREE[cells.shape[1]],
-        basix.LagrangeVariant.equispaced,
-    )
+    element = _element(kind, cells.shape[1])
     slopes = np.asarray(element.tabulate(1, np.asarray(element.points)))[1:, :, :, 0]
     x = points[cells]
     tangent = np.einsum("apb,cbi->acpi", slopes, x)

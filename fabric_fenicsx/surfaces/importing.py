@@ -1,195 +1,285 @@
-"""Surfaces from the files of other programs: .obj, .stl, .ply, .vtk, .vtu and .inp."""
+"""Surfaces from the files of other programs: .obj, .stl, .ply, .vtk, .vtp, .vtu and .inp."""
 
 import contextlib
 import io
 import re
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Callable
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from dolfinx.io.utils import cell_perm_vtk
-from dolfinx.mesh import CellType
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
 from ..errors import InputError
+from . import abaqus
 from .checking import Array
+from .grouping import Raw
+from .preparing import SAME, completed, decoded, of_vtk
 
-SUFFIXES = {".obj", ".stl", ".ply", ".vtk", ".vtu", ".inp"}
-_KINDS = {
-    "triangle": CellType.triangle,
-    "triangle6": CellType.triangle,
-    "quad": CellType.quadrilateral,
-    "quad9": CellType.quadrilateral,
+_MESHIO = {
+    "triangle": "triangle",
+    "triangle6": "triangle",
+    "quad": "quadrilateral",
+    "quad8": "quadrilateral",
+    "quad9": "quadrilateral",
+    "polygon": "polygon",
 }
-SAME = 1e-7
-"""Corners of .stl triangles nearer to each other than this part of the surface's extent are one point."""
 
 
-@dataclass
-class Sheet:
-    """A surface as it was read: see `checking` for points, cells and kind."""
+def load(path: Path) -> Raw:
+    """Read a file of one of the `SUFFIXES`, as it stands.
 
-    points: Array
-    cells: Array
-    kind: str
-    cell_tags: Array
-    """One for each cell, shape (cells,)."""
-    edges: Array
-    """Nodes of the edges that are in a group, shape (edges, nodes of an edge)."""
-    edge_tags: Array
-    names: dict[str, tuple[int, int]]
-    """Name of a group -> (dimension, tag)."""
+    Groups of cells, edges and points: `g` or `o` of .obj, those of `abaqus.read`, and `gmsh:physical` of .vtk and .vtu.
+    Corners at the same place are merged in an .stl file, which has each several times.
 
-
-def load(path: Path) -> Sheet:
-    """Read a file of one of the `SUFFIXES`, in metres, as it stands.
-
-    Points that no cell uses are dropped, and those at the same place are merged in an .stl file, which has
-    each several times. Groups of cells and edges: `g` or `o` of .obj, ELSET of .inp, `gmsh:physical` of .vtk and
-    .vtu. Cells in none are the group "sheet"; a group of all cells is left out if there are others.
-
-    Raises InputError for a file that meshio cannot read, no surface, mixed cells or cells of another kind, a point
-    that is missing or not finite, and a cell in two groups.
+    Raises InputError for what is not such a file, or holds no surface.
     """
-    import meshio  # here, as what else takes long to load: most scenes are made by gmsh
-
     name, said = str(path), io.StringIO()
     try:
-        # meshio prints what is wrong, and exits; it tries the text of an .stl file as numbers
-        with contextlib.redirect_stdout(said), contextlib.redirect_stderr(said), np.errstate(over="ignore"):
-            data = _obj(path) if path.suffix.lower() == ".obj" else meshio.read(path)
+        # meshio prints what is wrong, and exits
+        with contextlib.redirect_stdout(said), contextlib.redirect_stderr(said):
+            return SUFFIXES[path.suffix.lower()](path)
+    except InputError:
+        raise
     except (Exception, SystemExit) as error:
         reason = " ".join((said.getvalue().strip() or str(error) or type(error).__name__).split("\n")[0].split())
         raise InputError(f"{name!r} is not a mesh that can be read: {reason.rstrip('.')}.") from error
 
-    blocks = [k for k, block in enumerate(data.cells) if block.dim == 2 and len(block)]
-    kinds = sorted({data.cells[k].type for k in blocks})
-    if any(block.dim == 3 for block in data.cells):
-        raise InputError(f"{name!r} holds a mesh of volumes: save its surface alone.")
-    if not kinds:
-        raise InputError(f"{name!r} holds no surface mesh: there are no triangles or quadrilaterals.")
-    if len(kinds) > 1 or kinds[0] not in _KINDS:
-        raise InputError(
-            f"{name!r} has cells of the kinds {', '.join(kinds)}, which must be one of {', '.join(_KINDS)}: "
-            "triangulate the surface where it was made."
-        )
-    kind = _KINDS[kinds[0]]
-    cells = np.concatenate([data.cells[k].data for k in blocks]).astype(np.int64)
-    width = cells.shape[1]
-    cells = cells[:, cell_perm_vtk(kind, width)]
-    degree = "line3" if kinds[0] in ("triangle6", "quad9") else "line"
-    lines = [k for k, block in enumerate(data.cells) if block.type == degree and len(block)]
-    edges = np.concatenate([np.zeros((0, 2 + (degree == "line3")), dtype=int), *(data.cells[k].data for k in lines)])
 
+def _vtk(path: Path) -> Raw:
+    """What meshio reads right; tables of polygons and grids, which it does not, by VTK."""
+    if path.suffix.lower() == ".vtp" or (path.suffix.lower() == ".vtk" and _dataset(path) != "UNSTRUCTURED_GRID"):
+        return _by_vtk(path)
+    import meshio  # here, as what else takes long to load: most scenes are made by gmsh
+
+    data = meshio.read(path, file_format=path.suffix.lower()[1:])
     points = np.asarray(data.points, dtype=float).reshape(len(data.points), -1)
-    points = np.pad(points, ((0, 0), (0, 3 - points.shape[1])))
-    if cells.min() < 0 or cells.max() >= len(points):
-        raise InputError(f"A cell of {name!r} has a corner at a point that is not in the file.")
-    if path.suffix.lower() == ".stl":
-        cells = _merged(points)[cells]
-    used, cells = np.unique(cells, return_inverse=True)
-    cells = cells.reshape(-1, width)
-    number = np.full(len(points), -1)
-    number[used] = np.arange(len(used))
-    points, edges = points[used], number[edges]
-    if not np.isfinite(points).all():
-        raise InputError(f"{name!r} has a point whose coordinates are not finite numbers.")
-
-    sets = dict(_sets(data)) | _elsets(path, data)
-    names: dict[str, tuple[int, int]] = {}
-    cell_tags = _tags(data, sets, blocks, 2, names)
-    edge_tags = _tags(data, sets, lines, 1, names)
-    if (cell_tags == 0).any():
-        cell_tags[cell_tags == 0] = len(names) + 1
-        names.setdefault("sheet", (2, len(names) + 1))
-    named = (edge_tags > 0) & (edges >= 0).all(axis=1)
-    return Sheet(points, cells, kind.name, cell_tags, edges[named], edge_tags[named], names)
-
-
-def _tags(data: Any, sets: dict[str, list[Array]], blocks: list[int], dim: int, names: dict) -> Array:
-    """A tag for each cell of these blocks, 0 for those in no set; adds the sets to `names`."""
-    start = np.cumsum([0] + [len(data.cells[k]) for k in blocks])
-    whole = {
-        name: np.concatenate([np.asarray(parts[k], dtype=int) + s for k, s in zip(blocks, start, strict=False)])
-        for name, parts in sets.items()
-        if blocks and name not in names and len(parts) == len(data.cells)
-    }
-    whole = {name: np.unique(members) for name, members in whole.items() if len(members)}
-    if len(whole) > 1:
-        whole = {name: members for name, members in whole.items() if dim == 1 or len(members) < start[-1]} or whole
-    tags = np.zeros(start[-1], dtype=np.int32)
-    for name, members in whole.items():
-        twice = members[tags[members] > 0]
-        if twice.size:
-            other = next(n for n, pair in names.items() if pair == (dim, tags[twice[0]]))
-            raise InputError(
-                f"{'Cell' if dim == 2 else 'Edge'} {twice[0]} is in both of the groups {other!r} and {name!r}: "
-                "let it be in one."
-            )
-        names[name] = (dim, len(names) + 1)
-        tags[members] = names[name][1]
-    return tags
-
-
-def _sets(data: Any) -> Iterator[tuple[str, list[Array]]]:
-    """Names and members, block by block, of what meshio knows to be a group."""
-    yield from data.cell_sets.items()
-    physical = data.cell_data.get("gmsh:physical", [])
+    raw = Raw(path, np.pad(points, ((0, 0), (0, 3 - points.shape[1]))), [])
     known = {int(value[0]): name for name, value in data.field_data.items() if np.size(value) == 2}
-    for tag in np.unique(np.concatenate([[], *physical])).astype(int):
-        yield known.get(tag, str(tag)), [np.flatnonzero(part == tag) for part in physical]
+    total = 0
+    for k, block in enumerate(data.cells):
+        kind = block.type if not block.type.startswith("polygon") else "polygon"
+        nodes = np.asarray(block.data, dtype=np.int64)
+        members = {2: total + np.arange(len(nodes)), 1: nodes[:, :2], 0: nodes}.get(block.dim, nodes)
+        if kind in _MESHIO:
+            raw.points, face = _face(raw.points, _MESHIO[kind], nodes)
+            raw.faces.append((_MESHIO[kind], face, members))
+            total += len(nodes)
+        elif block.dim >= 2 and len(nodes):
+            what = (
+                "a mesh of volumes: save its surface alone" if block.dim == 3 else f"cells {kind}, which are not read"
+            )
+            raise InputError(f"{str(path)!r} holds {what}.")
+        physical = np.asarray(data.cell_data["gmsh:physical"][k] if "gmsh:physical" in data.cell_data else [])
+        for tag in np.unique(physical):
+            raw.add(
+                known.get(int(tag), str(int(tag))), block.dim, members[physical == tag].reshape(-1, *members.shape[1:])
+            )
+    for group in raw.groups.values():
+        if 0 in group:
+            group[0] = group[0].ravel()
+    return raw
 
 
-def _elsets(path: Path, data: Any) -> dict[str, list[Array]]:
-    """Element sets named in the *ELEMENT lines of an .inp file, which meshio may give to other blocks."""
-    if path.suffix.lower() != ".inp":
-        return {}
-    lines = re.findall(r"^\*ELEMENT\b.*$", path.read_text(), re.IGNORECASE | re.MULTILINE)
-    found = [re.search(r"ELSET\s*=\s*([^,\s]+)", line, re.IGNORECASE) for line in lines]
-    names = [match and match[1] for match in found]
-    if len(names) != len(data.cells):
-        return {}
-    return {
-        name: [np.arange(len(block) * (name == own)) for block, own in zip(data.cells, names, strict=True)]
-        for name in names
-        if name
-    }
+def _face(points: Array, kind: str, nodes: Array) -> tuple[Array, Array]:
+    """Cells in the order of DOLFINx; 8 nodes become 9."""
+    if kind == "quadrilateral" and nodes.shape[1] == 8:
+        points, nodes = completed(points, nodes)
+    return points, nodes if kind == "polygon" else of_vtk(kind, nodes)
 
 
-def _merged(points: Array) -> Array:
-    """For each point the one that stands for all at its place."""
-    from scipy.spatial import cKDTree
-
-    pairs = cKDTree(points).query_pairs(SAME * np.ptp(points, axis=0).max(), output_type="ndarray")
-    graph = coo_array((np.ones(len(pairs)), pairs.T), shape=(len(points), len(points)))
-    _, first, same = np.unique(connected_components(graph, directed=False)[1], return_index=True, return_inverse=True)
-    return first[same]
+def _dataset(path: Path) -> str:
+    """What a .vtk file says that it holds."""
+    found = re.search(rb"^\s*DATASET\s+(\w+)", path.read_bytes()[:4000], re.MULTILINE | re.IGNORECASE)
+    return found[1].decode().upper() if found else "UNSTRUCTURED_GRID"
 
 
-def _obj(path: Path) -> Any:
-    """An .obj file with its groups, which meshio does not name; texture and normals are left out."""
-    import meshio
+def _by_vtk(path: Path) -> Raw:
+    """Tables of polygons, strips and lines, and grids of points."""
+    import pyvista
 
+    raw = path.read_bytes()
+    with pyvista.vtk_verbosity("off"):
+        reader = pyvista.get_reader(path, force_ext=path.suffix.lower())
+        with pyvista.VtkErrorCatcher(raise_errors=True, emit_warnings=False):
+            data: Any = reader.read()
+    if not isinstance(data, pyvista.PolyData | pyvista.StructuredGrid | pyvista.ImageData | pyvista.RectilinearGrid):
+        raise InputError(f"{str(path)!r} holds a {type(data).__name__}, which is no surface.")
+    for key, count in ((b"POINTS", data.n_points), (b"POLYGONS", getattr(data, "n_faces", None))):
+        said = (
+            re.search(rb"^" + key + rb"\s+(\d+)\s+(\w+)", raw, re.MULTILINE) if path.suffix.lower() == ".vtk" else None
+        )
+        offsets = key == b"POLYGONS" and b"OFFSETS" in raw
+        if said and count is not None and int(said[1]) - offsets != count:
+            raise InputError(
+                f"{str(path)!r} says that it has {int(said[1]) - offsets} {key.decode()}, and has {count}."
+            )
+    if isinstance(data, pyvista.PolyData):
+        if data.n_strips:
+            data = data.triangulate()
+        cells = data.regular_faces if data.is_all_triangles else None
+        faces = [cells] if cells is not None else data.irregular_faces
+    else:
+        data = data.cast_to_unstructured_grid().extract_surface() if data.dimensionality == 2 else data
+        if not isinstance(data, pyvista.PolyData):
+            raise InputError(f"{str(path)!r} holds a grid of volumes or lines: save its surface alone.")
+        faces = data.irregular_faces
+    rows = [face for table in faces for face in np.atleast_2d(table)]
+    return _polygons(path, np.asarray(data.points, dtype=float), rows)
+
+
+def _polygons(path: Path, points: Array, rows: list[Any]) -> Raw:
+    """Cells of straight edges, each with its corners going round."""
+    widths = np.array([len(row) for row in rows], dtype=int)
+    raw = Raw(path, points.reshape(-1, 3), [])
+    for width in np.unique(widths):
+        numbers = np.flatnonzero(widths == width)
+        nodes = np.array([rows[k] for k in numbers], dtype=np.int64)
+        kind = {3: "triangle", 4: "quadrilateral"}.get(int(width), "polygon")
+        if width < 3:
+            raise InputError(f"Cell {numbers[0]} of {str(path)!r} has {width} corners.")
+        raw.faces.append((kind, _face(raw.points, kind, nodes)[1], numbers))
+    return raw
+
+
+def _stl(path: Path) -> Raw:
+    """Triangles in words or in bytes; words are read in any case, and a file that ends early is not."""
+    raw = path.read_bytes()
+    count = int.from_bytes(raw[80:84], "little")
+    if len(raw) >= 84 and len(raw) == 84 + 50 * count:
+        facet = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
+        points = np.frombuffer(raw, facet, offset=84)["corners"].reshape(-1, 3).astype(float)
+    else:
+        words = decoded(path).lower()
+        found = re.findall(r"\bvertex\s+(\S+)\s+(\S+)\s+(\S+)", words)
+        points = np.array(found, dtype=float).reshape(-1, 3)
+        facets = len(re.findall(r"\bfacet\s+normal\b", words))
+        if len(points) != 3 * facets or len(re.findall(r"\bendfacet\b", words)) != facets:
+            raise InputError(f"{str(path)!r} is cut off: of its {facets} facets not all have three corners and an end.")
+        if not facets:
+            raise InputError(f"{str(path)!r} is not a mesh that can be read: it holds no facets, or is cut off.")
+    raw_mesh = Raw(path, points, [("triangle", np.arange(len(points)).reshape(-1, 3), np.arange(len(points) // 3))])
+    raw_mesh.merge = SAME
+    return raw_mesh
+
+
+_PLY = {
+    "char": "i1", "uchar": "u1", "short": "i2", "ushort": "u2", "int": "i4", "uint": "u4", "float": "f4",
+    "double": "f8", "int8": "i1", "uint8": "u1", "int16": "i2", "uint16": "u2", "int32": "i4", "uint32": "u4",
+    "int64": "i8", "uint64": "u8", "float32": "f4", "float64": "f8",
+}  # fmt: skip
+
+
+def _ply(path: Path) -> Raw:
+    """Vertices and faces, whatever else an element has."""
+    raw = path.read_bytes()
+    head = re.match(rb"\s*ply\s.*?^\s*end_header[ \t]*\r?\n", raw, re.DOTALL | re.MULTILINE)
+    if not head:
+        raise InputError(f"{str(path)!r} is not a mesh that can be read: it has no head as PLY files have.")
+    lines = [line.split() for line in head[0].decode("latin-1").splitlines()]
+    form = next(words[1] for words in lines if words[:1] == ["format"])
+    elements: list[tuple[str, int, list[list[str]]]] = []
+    for words in lines:
+        if words[:1] == ["element"]:
+            elements.append((words[1], int(words[2]), []))
+        elif words[:1] == ["property"]:
+            elements[-1][2].append(words[1:])
+    order = {"ascii": "", "binary_little_endian": "<", "binary_big_endian": ">"}[form]
+    words_left, at = iter(raw[head.end() :].split() if form == "ascii" else []), head.end()
+
+    def take(kind: str) -> Any:
+        nonlocal at
+        if form == "ascii":
+            return float(next(words_left))
+        dtype = np.dtype(order + _PLY[kind])
+        at += dtype.itemsize
+        return np.frombuffer(raw, dtype, 1, at - dtype.itemsize)[0]
+
+    points, rows = np.zeros((0, 3)), []
+    try:
+        for name, count, properties in elements:
+            found = []
+            for _ in range(count):
+                row: dict[str, Any] = {}
+                for words in properties:
+                    if words[0] == "list":
+                        row[words[3]] = [take(words[2]) for _ in range(int(take(words[1])))]
+                    else:
+                        row[words[1]] = take(words[0])
+                found.append(row)
+            if name == "vertex":
+                points = np.array([[float(row[axis]) for axis in "xyz"] for row in found])
+            elif name == "face":
+                rows = [next(row[key] for key in ("vertex_indices", "vertex_index") if key in row) for row in found]
+            elif name == "tristrips" and count:
+                raise InputError(f"{str(path)!r} holds strips of triangles: save it with faces.")
+    except (StopIteration, ValueError) as error:
+        raise InputError(
+            f"{str(path)!r} is not a mesh that can be read: it is cut off or has words for numbers."
+        ) from error
+    return _polygons(path, points, rows)
+
+
+_OBJ_PASSED = {"vt", "vn", "vp", "s", "usemtl", "mtllib", "usemap", "maplib", "mg", "lod", "shadow_obj", "trace_obj",
+               "bevel", "c_interp", "d_interp"}  # fmt: skip
+
+
+def _obj(path: Path) -> Raw:
+    """An .obj file with its groups of faces, lines and points; texture, normals and materials are left out."""
     points: list[list[float]] = []
-    faces: dict[int, list[list[int]]] = {}
-    members: dict[str, dict[int, list[int]]] = {}
-    group = ""
-    for line in path.read_text().splitlines():
-        key, *words = line.split("#")[0].split() or [""]
-        if key == "v":
-            points.append([float(word) for word in words[:3]])
-        elif key in ("g", "o"):
-            group = " ".join(words)
-        elif key == "f":
-            # counted from 1, or from the last point backwards
-            face = [int(word.split("/")[0]) for word in words]
-            same = faces.setdefault(len(face), [])
-            members.setdefault(group, {}).setdefault(len(face), []).append(len(same))
-            same.append([n - 1 if n > 0 else n + len(points) if n < 0 else -1 for n in face])
-    kinds = {2: "line", 3: "triangle", 4: "quad"}
-    cells = [(kinds.get(n, "polygon"), same) for n, same in faces.items()]
-    sets = {name: [parts.get(n, []) for n in faces] for name, parts in members.items() if name}
-    return meshio.Mesh(points, cells, cell_sets=sets)
+    rows: list[list[int]] = []
+    groups: dict[str, dict[int, list[Any]]] = {}
+    group, head = "", ""
+
+    def place(word: str) -> int:
+        # counted from 1, or from the last point backwards
+        n = int(word.split("/")[0])
+        return n - 1 if n > 0 else n + len(points) if n < 0 else -1
+
+    def add(dim: int, members: list[Any]) -> None:
+        if group:
+            groups.setdefault(group, {}).setdefault(dim, []).extend(members)
+
+    for number, line in enumerate(decoded(path).splitlines(), 1):
+        line = head + line.split("#")[0].rstrip()
+        if line.endswith("\\"):
+            head = line[:-1] + " "
+            continue
+        head = ""
+        key, *words = line.split() or ["s"]
+        try:
+            if key == "v":
+                points.append([float(word) for word in words[:3]])
+                if len(words) < 3:
+                    raise ValueError("a point needs three numbers")
+            elif key in ("g", "o"):
+                group = " ".join(words)
+            elif key == "f":
+                add(2, [len(rows)])
+                rows.append([place(word) for word in words])
+            elif key == "l":
+                ends = [place(word) for word in words]
+                add(1, [*pairwise(ends)])
+            elif key == "p":
+                add(0, [place(word) for word in words])
+            elif key not in _OBJ_PASSED:
+                raise ValueError(f"{key!r} is no word of a mesh of points and faces")
+        except ValueError as error:
+            raise InputError(f"{str(path)!r} is not a mesh that can be read: {error} (line {number}).") from error
+    raw = _polygons(path, np.array(points, dtype=float).reshape(-1, 3), rows)
+    for name, dims in groups.items():
+        for dim, members in dims.items():
+            raw.add(name, dim, np.array(members))
+    return raw
+
+
+SUFFIXES: dict[str, Callable[[Path], Raw]] = {
+    ".obj": _obj,
+    ".stl": _stl,
+    ".ply": _ply,
+    ".vtk": _vtk,
+    ".vtp": _vtk,
+    ".vtu": _vtk,
+    ".inp": abaqus.read,
+}
+"""Ending of a file, in small letters -> what reads it."""

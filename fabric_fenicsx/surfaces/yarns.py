@@ -106,7 +106,7 @@ def patches(domain: Domain, warps: Mapping[str, float | Sequence[float]]) -> fem
 
     warps: name of a group -> direction, three numbers for `surface_axes`, or angle in radians for `plane_axes`,
     as in `{"sleeve": (0, 0, 1), "body": (1, 0, 0)}`. Raises InputError, on every rank, for a name that is
-    not one of a group of cells, and for a cell in none of them, which is named.
+    not one of a group of cells, and for a cell in none or in two of them, which is named.
     """
     values = {name: np.asarray(warp, dtype=float) for name, warp in warps.items()}
     shapes = {value.shape for value in values.values()}
@@ -118,9 +118,12 @@ def patches(domain: Domain, warps: Mapping[str, float | Sequence[float]]) -> fem
     missing = np.ones(cells.size_local + cells.num_ghosts, dtype=bool)
     of_cells = field.x.array.reshape(-1, *shape)
     for name, value in values.items():
-        dim, members = domain.entities(name)
-        if dim != 2:
+        if 2 not in domain.dims(name):
             raise InputError(f"The group {name!r} is not one of cells, and cannot have a warp direction.")
+        _, members = domain.entities(name, 2)
+        where = name_cell(domain.mesh, members[~missing[members]])
+        if where is not None:
+            raise InputError(f"In {where} two warps are given: the groups {', '.join(sorted(values))} overlap there.")
         of_cells[field.function_space.dofmap.list[members, 0]] = value
         missing[members] = False
     where = name_cell(domain.mesh, np.flatnonzero(missing[: cells.size_local]))

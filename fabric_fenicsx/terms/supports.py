@@ -22,13 +22,13 @@ type Vector = Sequence[float]
 type Move = Callable[..., None]
 
 
-def over(domain: Domain, name: str, degree: int) -> ufl.Measure:
+def over(domain: Domain, name: str, degree: int, dim: int | None = None) -> ufl.Measure:
     """Measure over a group: cells (dx), edges of the rim (ds), or points (dP, for `weakform.point_force`).
 
-    Raises InputError, on every rank, if an edge of the group is not on the rim.
+    dim: of which group, 2, 1 or 0, where the name has several. Raises InputError, on every rank, if an edge of the
+    group is not on the rim.
     """
-    dim, entities = domain.entities(name)
-    _, tag = domain.names[name]
+    dim, entities = domain.entities(name, dim)
     if dim == 1:
         topology = domain.mesh.topology
         topology.create_connectivity(1, 2)
@@ -36,7 +36,9 @@ def over(domain: Domain, name: str, degree: int) -> ufl.Measure:
         if domain.mesh.comm.allreduce(not np.isin(owned, mesh.exterior_facet_indices(topology)).all()):
             raise InputError(f"The group {name!r} has edges inside the sheet; a load on edges needs those of its rim.")
     kind, metadata = ("dP", "ds", "dx")[dim], {"quadrature_degree": degree} if dim else {}
-    return ufl.Measure(kind, domain.mesh, subdomain_data=domain.tags[dim], subdomain_id=tag, metadata=metadata)
+    return ufl.Measure(
+        kind, domain.mesh, subdomain_data=domain.tags[dim], subdomain_id=domain.names[name][dim], metadata=metadata
+    )
 
 
 def unknowns(domain: Domain, space: Space, name: str, component: int | None = None) -> np.ndarray:
@@ -127,10 +129,20 @@ def _displacement(space: Space) -> fem.FunctionSpace:
 def _at(
     domain: Domain, name: str, space: fem.FunctionSpace | tuple[fem.FunctionSpace, fem.FunctionSpace]
 ) -> np.ndarray:
-    """Local unknowns of a space at a group."""
-    dim, entities = domain.entities(name)
-    domain.mesh.topology.create_connectivity(dim, domain.mesh.topology.dim)
-    return fem.locate_dofs_topological(space, dim, entities)
+    """Local unknowns of a space at all groups of a name."""
+    topology, found = domain.mesh.topology, []
+    for dim in domain.dims(name):
+        _, entities = domain.entities(name, dim)
+        topology.create_connectivity(dim, topology.dim)
+        found.append(fem.locate_dofs_topological(space, dim, entities))
+        if dim == 0 and name in domain.node_sets:
+            # a set of nodes stands for the edges between them, on which there may be unknowns too
+            topology.create_connectivity(1, topology.dim)
+            topology.create_connectivity(1, 0)
+            ends = topology.connectivity(1, 0).array.reshape(-1, 2)
+            between = np.flatnonzero(np.isin(ends, entities).all(axis=1)).astype(np.int32)
+            found.append(fem.locate_dofs_topological(space, 1, between))
+    return found[0] if len(found) == 1 else np.unique(np.concatenate(found, axis=-1), axis=-1)
 
 
 def _rotation(w: np.ndarray) -> np.ndarray:
