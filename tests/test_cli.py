@@ -257,6 +257,24 @@ def test_a_checkpoint_of_another_scene_is_refused_with_the_difference(command, t
     assert not (tmp_path / "on" / "history.csv").exists(), "nothing is begun"
 
 
+@pytest.mark.parametrize("how", ["[statics]", "[dynamics]"])
+def test_more_ranks_than_cells(command, tmp_path, how):
+    """Ranks without a cell of their own take part, and the answer is the same."""
+    text = STATIC.replace("nx = 6, ny = 2", "nx = 2, ny = 1")
+    if how == "[dynamics]":
+        text = text.replace("[statics]\nsteps = 2\nturns = [1, 0.5]", "[dynamics]\nend_s = 0.02")
+    assert how in text
+    path = scene(tmp_path, text)
+    assert command("run", path, "--out", tmp_path / "one", "--quiet")[0] == 0
+    words = [system.mpirun(), "-n", "3", sys.executable, "-c", ENTRY, "run", path, "--out", tmp_path / "three"]
+    answer = subprocess.run(list(map(str, words)), capture_output=True, text=True, timeout=200, check=False)
+    assert answer.returncode == 0, answer.stderr
+    one, three = (read(tmp_path / name / "history.csv") for name in ("one", "three"))
+    for name in one:
+        if name[-2:] in ("_m", "_N"):
+            assert np.allclose(one[name], three[name], rtol=1e-5, atol=1e-6 * np.abs(one[name]).max() + 1e-9)
+
+
 @pytest.mark.parametrize("name", ["hanging", "twisted_strip"])
 def test_the_examples_can_be_built(name):
     built = scenes.build(scenes.read(SCENES / f"{name}.toml"))

@@ -257,7 +257,7 @@ def main() -> None:
         except click.ClickException as error:
             error.show()
             return error.exit_code
-        except click.Abort:
-            return 130
+        except click.Abort as error:
+            raise KeyboardInterrupt(*getattr(error.__cause__, "args", ())) from None
 
     command.run(words, shown)

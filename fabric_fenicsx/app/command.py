@@ -120,8 +120,8 @@ def run(main: Callable[[], int | None], shown: bool | None = None) -> None:
         elif MPI.COMM_WORLD.rank == 0:
             print(f"error: {error}", file=sys.stderr, flush=True)
         status = 2 if isinstance(error, InputError) else 1
-    except KeyboardInterrupt:
-        status = 130
+    except KeyboardInterrupt as error:  # with the number of the signal, from `checkpoint.guard`
+        status = 128 + int(error.args[0]) if error.args else 130
     except Exception as error:
         if shown is False:
             what = f"{type(error).__name__}: {error}"
