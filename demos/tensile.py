@@ -51,6 +51,7 @@ class Case:
     imperfection: float = 0.0
     whole: bool = False
     triangles: bool = False
+    ramp: float | None = None
 
     @property
     def displacement(self):
@@ -89,7 +90,7 @@ def strip(case, comm=MPI.COMM_WORLD):
     size["triangles"] = int(case.triangles)
     gdim = 2 if case.kinematics == "plane" else 3
     domain = meshing.read(case.mesh, comm, gdim=gdim, **(size if case.mesh == STRIP else {}))
-    law, angle = named.law(case.law, case.fabric, case.poisson), np.radians(case.angle)
+    law, angle = named.law(case.law, case.fabric, case.poisson, ramp=case.ramp), np.radians(case.angle)
     return specimen.strip(domain, case.fabric, law, angle, case.ends, case.degree, case.kinematics, case.imperfection)
 
 
@@ -261,6 +262,7 @@ def arguments():
     )
     parser.add_argument("--law", choices=named.MEASURED, default=named.DEFAULT, help="the thesis's is the printed one")
     parser.add_argument("--poisson", choices=["measured", "lowered"], default="measured", help="Poisson's ratios")
+    parser.add_argument("--ramp", type=command.number, help="strain over which a modulus changes after a reversal")
     parser.add_argument("--cells", type=command.grid, default="36x12", help="cells along and across the strip")
     parser.add_argument(
         "--mesh",
@@ -301,7 +303,7 @@ def main():
             ends = args.ends or ("clamped" if angle in (0.0, 90.0) else "free")
             case = Case(
                 fabric, angle, args.law, args.poisson, args.cells, args.degree, args.steps, ends, args.reload,
-                args.mesh, args.kinematics, args.imperfection * 1e-3, args.whole, args.triangles,
+                args.mesh, args.kinematics, args.imperfection * 1e-3, args.whole, args.triangles, args.ramp,
             )  # fmt: skip
             folder = results.folder(out / f"{Path(name).stem}_{angle:g}")
             table, peak, stopped = run(case, folder, comm, progress=f"{fabric.name} {angle:g}")

@@ -95,6 +95,18 @@ def test_tensile(demo, tmp_path):
     look(tmp_path / "stress_strain.png")
 
 
+def test_tensile_with_a_potential(demo, tmp_path):
+    """Between clamps muslin's warp test comes near its curve, and contracts by the measured ratio; whole cycles."""
+    options = ("--law", "potential", "--fabric", "muslin", "--steps", "6", "--cells", "9x3", "--ramp", "5e-3")
+    status, said, _ = demo("tensile.py", *options, "--out", tmp_path)
+    table = files(tmp_path / "muslin_0")
+    assert status == 0 and ": yes;" in said and "force gone" in said and not table["step_cuts"].any()
+    E, S = table["axial_strain"][:6], table["axial_stress_MPa"][:6]
+    over = S / (fabrics.load("muslin").warp.stress(E) / 1e6) - 1
+    assert 0 < over[-1] < 0.07
+    assert abs(table["transverse_strain"][5] / E[-1] / -2.04 - 1) < 0.05
+
+
 def test_tensile_reload_and_another_mesh(demo, tmp_path):
     """Reloading comes back to the virgin curve (Figure 7-18)."""
     mesh = tmp_path / "triangles.geo"

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from fabric_fenicsx import fabrics
 from fabric_fenicsx.errors import InputError
-from fabric_fenicsx.laws import HasPotential, driver, elements, potential, stability
+from fabric_fenicsx.laws import HasPotential, driver, elements, named, potential, stability
 from fabric_fenicsx.laws.potential import Potential
 from fabric_fenicsx.laws.section import Section
 from fabric_fenicsx.laws.svk import StVenantKirchhoff
@@ -314,6 +314,15 @@ def test_a_fabric_of_which_no_such_law_can_be_made_is_refused(fault):
 def test_unknown_choices_are_refused(options, word):
     with pytest.raises(InputError, match=word):
         Potential(fabrics.load("duck"), **options)
+
+
+def test_it_has_a_name_and_a_ramp_there():
+    muslin = fabrics.load("muslin")
+    law = named.law("potential", muslin, "lowered", False, ramp=5e-3)
+    assert isinstance(law, Potential) and law.initial_state.size == 12
+    assert law._elements == Potential(muslin, "lowered", ramp=5e-3)._elements != Potential(muslin, "lowered")._elements
+    with pytest.raises(InputError, match="'printed'"):
+        named.law("printed", muslin, ramp=5e-3)
 
 
 @st.composite

@@ -73,28 +73,19 @@ def _ramps(c, peak_stress, peak_modulus):
 
 @inlined
 def unloading(c, peak_stress, peak_modulus, x):
-    """Stress and modulus a strain x >= 0 below the peak."""
+    """Stress and modulus a strain x >= 0 below the peak; a number that is negative past zero stress, by how much."""
     if peak_stress <= 0.0:
-        return -c[SLACK] * x, c[SLACK]
+        return -c[SLACK] * x, c[SLACK], -x
     top, rise, flat, fall, s_rise, _ = _ramps(c, peak_stress, peak_modulus)
     if x < rise:
-        return peak_stress - (peak_modulus + 0.5 * c[RATE] * x) * x, peak_modulus + c[RATE] * x
+        return peak_stress - (peak_modulus + 0.5 * c[RATE] * x) * x, peak_modulus + c[RATE] * x, 0.0
     x -= rise
     if x < flat:
-        return s_rise - top * x, top
+        return s_rise - top * x, top, 0.0
     above = flat + fall - x  # the strain at which the stress is zero
     if above > 0.0:
-        return (c[SLACK] + 0.5 * c[RATE] * above) * above, c[SLACK] + c[RATE] * above
-    return c[SLACK] * above, c[SLACK]
-
-
-@inlined
-def to_zero(c, peak_stress, peak_modulus):
-    """How far below the peak the stress is zero."""
-    if peak_stress <= 0.0:
-        return 0.0
-    _, rise, flat, fall, _, _ = _ramps(c, peak_stress, peak_modulus)
-    return rise + flat + fall
+        return (c[SLACK] + 0.5 * c[RATE] * above) * above, c[SLACK] + c[RATE] * above, above
+    return c[SLACK] * above, c[SLACK], above
 
 
 @inlined
@@ -124,7 +115,7 @@ def _element(c, e, peak, peak_stress, peak_modulus):
     if e > peak:
         S, D = loading(c, e)
         return S, D, e, S, D
-    S, D = unloading(c, peak_stress, peak_modulus, peak - e)
+    S, D, _ = unloading(c, peak_stress, peak_modulus, peak - e)
     return S, D, peak, peak_stress, peak_modulus
 
 
@@ -145,14 +136,12 @@ def _shear(c, gamma, origin, signed_peak):
         S, G = loading(c, relative)
         return sign * S, G, origin, sign * relative
     peak_stress, peak_modulus = loading(c, peak)
-    zero = to_zero(c, peak_stress, peak_modulus)
-    other = peak - relative - zero
-    if other <= 0.0:
-        S, G = unloading(c, peak_stress, peak_modulus, peak - relative)
+    S, G, above = unloading(c, peak_stress, peak_modulus, peak - relative)
+    if above >= 0.0:
         return sign * S, G, origin, signed_peak
     # past zero stress: first loading to the other side begins there
-    S, G = loading(c, other)
-    return -sign * S, G, origin + sign * (peak - zero), -sign * other
+    S, G = loading(c, -above)
+    return -sign * S, G, origin + sign * (relative - above), sign * above
 
 
 @inlined
@@ -163,10 +152,10 @@ def _shear_energy(c, gamma, origin, signed_peak):
     peak_stress, peak_modulus = loading(c, peak)
     if relative >= peak:
         return _energy(c, relative, peak, peak_stress, peak_modulus)
-    other = peak - relative - to_zero(c, peak_stress, peak_modulus)
-    if other <= 0.0:
+    _, _, above = unloading(c, peak_stress, peak_modulus, peak - relative)
+    if above >= 0.0:
         return stored(c, peak_stress, peak_modulus, peak - relative)
-    return loading_energy(c, other)
+    return loading_energy(c, -above)
 
 
 @jit

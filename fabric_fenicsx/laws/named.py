@@ -1,5 +1,6 @@
 """The laws of a measured fabric by their names, as command lines and scene files choose them."""
 
+from ..errors import InputError
 from ..fabrics import Fabric
 from . import Law
 from .potential import Potential
@@ -17,8 +18,21 @@ NAMES = (*MEASURED, "svk")
 """All names; svk is linear elasticity with the fabric's first moduli."""
 
 
-def law(name: str, fabric: Fabric, poisson: str = "measured", shear_hysteresis: bool = True) -> Law:
-    """The law of this name, one of `NAMES`; poisson: "measured" or "lowered". Raises KeyError for another name."""
+def law(
+    name: str,
+    fabric: Fabric,
+    poisson: str = "measured",
+    shear_hysteresis: bool = True,
+    *,
+    ramp: float | None = None,
+) -> Law:
+    """The law of this name, one of `NAMES`; poisson: "measured" or "lowered". Raises KeyError for another name.
+
+    ramp: strain over which a modulus changes after a reversal, instead of the law's own; InputError for one without.
+    """
+    if ramp is not None and name in ("svk", "printed"):
+        raise InputError(f"ramp = {ramp:g} cannot be chosen for the law {name!r}; leave it out, or take another law.")
     if name == "svk":
         return StVenantKirchhoff.from_fabric(fabric, poisson)
-    return MEASURED[name](fabric, poisson, shear_hysteresis=shear_hysteresis)
+    width = {} if ramp is None else {"ramp": ramp}
+    return MEASURED[name](fabric, poisson, shear_hysteresis=shear_hysteresis, **width)
