@@ -9,8 +9,10 @@ Rooms, in the order in which a scene goes through them, and their names; each ro
 
 - `fabrics`: measured fabrics from TOML files: `load`, `names`, `compare`, `Fabric`, `Curve`
 - `identify`: such a file from test records: `read`, `identify`; the whole way in `identify.making`: `make`
-- `laws`: stress from strain and history at a point: what a `Law` is; by name in `laws.named`: `law`
-- `laws.woven`: `Woven`, the one to use; `laws.printed`: `Printed`; `laws.svk`: `StVenantKirchhoff`
+- `laws`: stress from strain and history at a point: what a `Law` is, and what it may offer besides: `HasPotential`,
+  `HasRecoverable`, `HasStiffness`, `HasStiffest`, `HasCalibration`; by name in `laws.named`: `law`
+- `laws.woven`: `Woven`, the thesis's as a continuous function; `laws.printed`: `Printed`, to the letter
+- `laws.potential`: `Potential`, which makes no energy; `laws.svk`: `StVenantKirchhoff`
 - `laws.section`: a law through the thickness: `Section`; `laws.own_bending`: bending of its own: `OwnBending`
 - `laws.bending`: moments from curvatures, with friction, as KES measures them: `Bending`
 - `laws.driver`: a law without a mesh: `check`, `run`, `uniaxial`; `laws.stability`: `acoustic`

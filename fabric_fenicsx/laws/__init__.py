@@ -17,7 +17,7 @@ Array = NDArray[np.float64]
 
 
 class Law(Protocol):
-    """What a law has to offer: three members, nothing else.
+    """What a law has to offer: three members. What it may offer besides is in protocols of its own.
 
     A law is a pure function. The same strain and state give the same answer however often it is
     asked, and what is passed in is never changed: history moves only when the caller commits.
