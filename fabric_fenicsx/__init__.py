@@ -41,7 +41,8 @@ Rooms, in the order in which a scene goes through them, and their names; each ro
 
 The other rooms serve these: `surfaces.checking`, `surfaces.grouping` and `surfaces.preparing` a mesh; files
 `surfaces.importing`, `surfaces.gmsh_models`, `surfaces.geo_programs` (what a `.geo` may not do), `surfaces.abaqus`,
-`surfaces.abaqus_lines` and `surfaces.abaqus_parts`; `shell.rotation` and `shell.dirichlet` the directors,
+`surfaces.abaqus_lines`, `surfaces.abaqus_parts` and `surfaces.polygon_files`; `shell.rotation` and `shell.dirichlet`
+the directors,
 `terms.kernels` the stiffness, `solvers.stepper`, `solvers.step` and `solvers.stable_step` the motions,
 `solvers.reactions` all of them, `entries` the TOML files, `compiling` the forms that are compiled once and kept,
 `app.doctor` the command.

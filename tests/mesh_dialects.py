@@ -564,8 +564,6 @@ def by_gmsh(rng, folder):
         gmsh.option.setNumber("Mesh.MshFileVersion", float(rng.choice([2.2, 4.0, 4.1])))
         gmsh.option.setNumber("Mesh.BdfFieldFormat", float(rng.integers(0, 3)))
         gmsh.option.setNumber("Mesh.SaveGroupsOfElements", 1)
-        if len(mesh.cell_groups) > 1:  # version 2.2 repeats a cell for each of its groups
-            gmsh.option.setNumber("Mesh.MshFileVersion", 4.1)
         old = gmsh.option.getNumber("Mesh.MshFileVersion") == 4.0
         gmsh.option.setNumber("Mesh.Binary", 0.0 if old else binary)
         gmsh.write(str(path))

@@ -23,7 +23,7 @@ FLOORS = [
             {"checking"},
             {"grouping"},
             {"preparing"},
-            {"abaqus_lines", "geo_programs"},
+            {"abaqus_lines", "geo_programs", "polygon_files"},
             {"abaqus_parts"},
             {"abaqus", "gmsh_models"},
             {"importing"},

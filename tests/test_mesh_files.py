@@ -208,6 +208,45 @@ def test_groups_by_number_and_one_name_in_several_dimensions(tmp_path):
     assert abs(COMM.allreduce(length) - 1) < 1e-12
 
 
+OLD = """$MeshFormat
+2.2 0 8
+$EndMeshFormat
+$PhysicalNames
+2
+2 10 "a"
+1 10 "rim"
+$EndPhysicalNames
+$Nodes
+6
+1 0 0 0
+2 1 0 0
+3 1 1 0
+4 0 1 0
+5 2 0 0
+6 2 1 0
+$EndNodes
+$Elements
+6
+1 3 2 10 1 1 2 3 4
+2 3 2 20 1 2 5 6 3
+3 3 2 30 1 2 5 6 3
+4 1 2 10 1 1 2
+5 1 2 6 1 4 1
+6 15 2 4 1 5
+$EndElements
+"""
+
+
+@pytest.mark.parallel
+def test_an_old_msh_file_has_groups_of_elements_not_of_surfaces(tmp_path):
+    domain = meshing.read(write(folder(tmp_path) / "a.msh", OLD), COMM)
+    assert count(domain) == 2
+    expected = {"a": {2: 1}, "20": {2: 1}, "30": {2: 1}, "rim": {1: 1}, "6": {1: 1}, "4": {0: 1}}
+    assert groups(domain) == expected
+    bad = write(folder(tmp_path) / "b.msh", OLD.replace("1 3 2 10 1", "1 3 2 0 1"))
+    refused("must be in a physical surface, and 1 of 2 are in none", lambda: meshing.read(bad, COMM))
+
+
 @pytest.mark.parallel
 def test_loads_on_groups_that_overlap_and_warps_that_do(tmp_path):
     text = HEAD + "5, 2, 0\n6, 2, 1\n*ELEMENT, TYPE=S4, ELSET=one\n1, 1, 2, 3, 4\n*ELEMENT, TYPE=S4\n2, 2, 5, 6, 3\n"
@@ -304,7 +343,7 @@ def test_a_nastran_file_is_read_whole_or_not_at_all(tmp_path, case):
         refused(match, lambda: meshing.read(path, COMM))
         return
     domain = meshing.read(path, COMM)
-    assert count(domain) == 2 and groups(domain)["boundary"] == {1: 4}
+    assert count(domain) == 2 and groups(domain) == {"5": {2: 1}, "6": {2: 1}, "boundary": {1: 4}}
 
 
 def test_groups_of_an_ideas_file_have_whole_names(tmp_path):

@@ -11,7 +11,20 @@ from dolfinx import mesh
 from ..surfaces.meshing import Domain
 from .building import Built
 
-FREE = {"file", "title", "mesh", "numbers", "fabric", "supports", "loads", "probes"}
+FREE = {
+    "file",
+    "title",
+    "mesh",
+    "numbers",
+    "scale",
+    "merge",
+    "triangulate",
+    "trust",
+    "fabric",
+    "supports",
+    "loads",
+    "probes",
+}
 FREE |= {"turns", "steps", "smallest", "end", "step", "colour", "view", "animation"}
 """What a scene may say otherwise when it is gone on with, or is looked at in another way."""
 WORDS = ("name", "label", "material", "weave", "sources", "transverse_source")
@@ -39,12 +52,13 @@ def marks(built: Built) -> dict[str, str]:
 
 def group(domain: Domain, name: str) -> str:
     """Which nodes of the mesh's own file a group has: its size and a digest, the same on any number of ranks."""
-    dim, entities = domain.entities(name)
-    surface = domain.mesh
-    surface.topology.create_connectivity(dim, surface.topology.dim)
-    nodes = mesh.entities_to_geometry(surface, dim, np.asarray(entities, dtype=np.int32))
-    own = np.sort(surface.geometry.input_global_indices[nodes], axis=1) if len(entities) else np.empty((0, 1), int)
-    every = {tuple(row) for rows in surface.comm.allgather(own.tolist()) for row in rows}
+    surface, every = domain.mesh, set[tuple[int, ...]]()
+    for dim in domain.dims(name):
+        _, entities = domain.entities(name, dim)
+        surface.topology.create_connectivity(dim, surface.topology.dim)
+        nodes = mesh.entities_to_geometry(surface, dim, np.asarray(entities, dtype=np.int32))
+        own = np.sort(surface.geometry.input_global_indices[nodes], axis=1) if len(entities) else np.empty((0, 1), int)
+        every |= {tuple(row) for rows in surface.comm.allgather(own.tolist()) for row in rows}
     return f"of {len(every)} ({hashlib.sha256(repr(sorted(every)).encode()).hexdigest()[:8]})"
 
 

@@ -12,7 +12,7 @@ from dolfinx.mesh import CellType
 from ..errors import InputError
 from . import checking, geo_programs
 from .checking import Array
-from .grouping import Raw
+from .grouping import Raw, require_groups
 from .preparing import completed, decoded
 
 SUFFIXES = {".med", ".unv", ".bdf", ".nas"}
@@ -67,7 +67,7 @@ def opened(path: Path, numbers: dict[str, float], trust: bool) -> None:
 
 
 def _is_msh(start: bytes) -> bool:
-    return start.startswith((b"$MeshFormat", b"$Comments", b"$NOD", b"$PARA"))
+    return start.startswith((b"$MeshFormat", b"$Comments"))
 
 
 def _mesh(name: str, numbers: dict[str, float]) -> None:
@@ -91,11 +91,10 @@ def model(path: Path = Path(), foreign: bool = False) -> Raw:
     groups = gmsh.model.getPhysicalGroups()
     dims = {dim for dim, _ in groups}
     solid = gmsh.model.mesh.getElements(3)[0].size > 0
-    if 3 in dims or (foreign and solid) or (2 not in dims and not foreign):
-        fault = "has a physical group of volumes" if 3 in dims else "holds volumes" if solid and foreign else (
-            "has no physical group of surfaces")  # fmt: skip
+    if 3 in dims or (foreign and solid):
         raise InputError(
-            f'The mesh {fault}: name its surfaces, and no volumes, as in Physical Surface("sheet") = {{1}};.'
+            f"The mesh {'has a physical group of volumes' if 3 in dims else 'holds volumes'}: name its surfaces, and "
+            'no volumes, as in Physical Surface("sheet") = {1};.'
         )
     tags, x, _ = gmsh.model.mesh.getNodes()
     place = np.full(int(tags.max(initial=0)) + 1, -1)
@@ -146,11 +145,11 @@ def _group(raw: Raw, place: Array, own: dict[int, Array], total: int) -> None:
                 continue
             for _, nodes in _elements(dim, entity):
                 raw.add(name, dim, place[nodes[:, :2]] if dim == 1 else place[nodes[:, 0]])
-    if not raw.foreign and not named.all():
-        raise InputError(
-            f"Every cell of the mesh must be in a physical surface, and {(~named).sum()} of {total} are in none: "
-            "name their surfaces too."
-        )
+    if not raw.foreign:
+        require_groups(total, int(named.sum()))
+    elif raw.path.suffix.lower() in (".bdf", ".nas"):
+        for entity, cells in own.items():  # by number of the property
+            raw.add(str(entity), 2, cells)
 
 
 def _cells_of_bdf(path: Path) -> int:
@@ -204,9 +203,11 @@ def _open_unv(path: Path) -> int:
             k += 1 + (kind in (11, 21, 22, 23, 24, 31, 32)) + -(-count // 8)
         else:
             k += 1
-    for k in headers if names else []:
-        words = lines[k].split()
-        lines[k] = "".join(f"{word:>10}" for word in [*words[:3], "0", *words[4:]])
+    for k in headers:
+        number, shape, _, own, *rest = lines[k].split()
+        lines[k] = "".join(
+            f"{word:>10}" for word in [number, shape, "1" if names else own, "0" if names else own, *rest]
+        )
     with TemporaryDirectory() as folder:
         copy = Path(folder) / "copy.unv"
         copy.write_text("\n".join(lines) + "\n")

@@ -42,6 +42,19 @@ class Raw:
             group[dim] = np.concatenate([group[dim], members]) if dim in group else members
 
 
+def require_groups(cells: int, named: int) -> None:
+    """Make sure that all cells of a mesh of gmsh are in groups: where some have none, they may have been forgotten."""
+    if not named:
+        raise InputError(
+            'The mesh has no physical group of surfaces: name them, as in Physical Surface("sheet") = {1};.'
+        )
+    if named < cells:
+        raise InputError(
+            f"Every cell of the mesh must be in a physical surface, and {cells - named} of {cells} are in none: "
+            "name their surfaces too."
+        )
+
+
 def grouped(
     raw: Raw, number: Array, origin: Array, cells: Array, kind: str, edges: Array, count: Array
 ) -> tuple[Tagged, Names, dict[str, str]]:

@@ -3,18 +3,16 @@
 import contextlib
 import io
 import re
-from collections.abc import Callable
-from itertools import pairwise
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from ..errors import InputError
-from . import abaqus
+from . import abaqus, polygon_files
 from .checking import Array
-from .grouping import Raw
-from .preparing import SAME, completed, decoded, of_vtk
+from .grouping import Raw, require_groups
 
 _MESHIO = {
     "triangle": "triangle",
@@ -34,58 +32,88 @@ def load(path: Path) -> Raw:
 
     Raises InputError for what is not such a file, or holds no surface.
     """
-    name, said = str(path), io.StringIO()
+    with _refused(path):
+        return SUFFIXES[path.suffix.lower()](path)
+
+
+@contextlib.contextmanager
+def _refused(path: Path) -> Iterator[None]:
+    """Raise as one sentence what is wrong; meshio prints it, and exits."""
+    said = io.StringIO()
     try:
-        # meshio prints what is wrong, and exits
         with contextlib.redirect_stdout(said), contextlib.redirect_stderr(said):
-            return SUFFIXES[path.suffix.lower()](path)
+            yield
     except InputError:
         raise
     except (Exception, SystemExit) as error:
         reason = " ".join((said.getvalue().strip() or str(error) or type(error).__name__).split("\n")[0].split())
-        raise InputError(f"{name!r} is not a mesh that can be read: {reason.rstrip('.')}.") from error
+        raise InputError(f"{str(path)!r} is not a mesh that can be read: {reason.rstrip('.')}.") from error
 
 
 def _vtk(path: Path) -> Raw:
     """What meshio reads right; tables of polygons and grids, which it does not, by VTK."""
     if path.suffix.lower() == ".vtp" or (path.suffix.lower() == ".vtk" and _dataset(path) != "UNSTRUCTURED_GRID"):
         return _by_vtk(path)
+    return _by_meshio(path, path.suffix.lower()[1:])
+
+
+def old_msh(path: Path) -> Raw | None:
+    """The surface of a `.msh` file of version 2; None for other versions.
+
+    gmsh gives all cells of one elementary surface the groups of each, and has a cell of several groups several times.
+    """
+    found = re.search(rb"^\$MeshFormat\s+(\d)", path.read_bytes()[:4000], re.MULTILINE)
+    if not found or found[1] != b"2":
+        return None
+    with _refused(path):
+        raw = _by_meshio(path, "gmsh")
+    raw.foreign = False
+    once: dict[int, int] = {}
+    for k, (kind, nodes, numbers) in enumerate(raw.faces):
+        _, first, same = np.unique(np.sort(nodes, axis=1), axis=0, return_index=True, return_inverse=True)
+        once |= dict(zip(numbers.tolist(), numbers[first[same.reshape(-1)]].tolist(), strict=True))
+        raw.faces[k] = kind, nodes[np.sort(first)], numbers[np.sort(first)]
+    for group in raw.groups.values():
+        if 2 in group:
+            group[2] = np.array([once[number] for number in group[2].tolist()])
+    total = sum(len(numbers) for _, _, numbers in raw.faces)
+    named = [group[2] for group in raw.groups.values() if 2 in group]
+    require_groups(total, len(np.unique(np.concatenate(named))) if named else 0)
+    return raw
+
+
+def _by_meshio(path: Path, form: str) -> Raw:
+    """What meshio reads, with gmsh's groups."""
     import meshio  # here, as what else takes long to load: most scenes are made by gmsh
 
-    data = meshio.read(path, file_format=path.suffix.lower()[1:])
+    data = meshio.read(path, file_format=form)
     points = np.asarray(data.points, dtype=float).reshape(len(data.points), -1)
     raw = Raw(path, np.pad(points, ((0, 0), (0, 3 - points.shape[1]))), [])
-    known = {int(value[0]): name for name, value in data.field_data.items() if np.size(value) == 2}
+    known = {tuple(map(int, value)): name for name, value in data.field_data.items() if np.size(value) == 2}
+    faces: dict[tuple[str, int], list[tuple[Array, Array]]] = {}
     total = 0
     for k, block in enumerate(data.cells):
         kind = block.type if not block.type.startswith("polygon") else "polygon"
         nodes = np.asarray(block.data, dtype=np.int64)
-        members = {2: total + np.arange(len(nodes)), 1: nodes[:, :2], 0: nodes}.get(block.dim, nodes)
+        members = {2: total + np.arange(len(nodes)), 1: nodes[:, :2], 0: nodes[:, 0]}.get(block.dim, nodes)
         if kind in _MESHIO:
-            raw.points, face = _face(raw.points, _MESHIO[kind], nodes)
-            raw.faces.append((_MESHIO[kind], face, members))
+            raw.points, face = polygon_files.face(raw.points, _MESHIO[kind], nodes)
+            faces.setdefault((_MESHIO[kind], face.shape[1]), []).append((face, members))
             total += len(nodes)
         elif block.dim >= 2 and len(nodes):
             what = (
                 "a mesh of volumes: save its surface alone" if block.dim == 3 else f"cells {kind}, which are not read"
             )
             raise InputError(f"{str(path)!r} holds {what}.")
-        physical = np.asarray(data.cell_data["gmsh:physical"][k] if "gmsh:physical" in data.cell_data else [])
-        for tag in np.unique(physical):
-            raw.add(
-                known.get(int(tag), str(int(tag))), block.dim, members[physical == tag].reshape(-1, *members.shape[1:])
-            )
-    for group in raw.groups.values():
-        if 0 in group:
-            group[0] = group[0].ravel()
+        physical = np.asarray(
+            data.cell_data["gmsh:physical"][k] if "gmsh:physical" in data.cell_data else [], dtype=int
+        )
+        for tag in np.unique(physical[physical > 0]):
+            raw.add(known.get((int(tag), block.dim), str(tag)), block.dim, members[physical == tag])
+    for (kind, _), tables in faces.items():
+        nodes, numbers = (np.concatenate(column) for column in zip(*tables, strict=True))
+        raw.faces.append((kind, nodes, numbers))
     return raw
-
-
-def _face(points: Array, kind: str, nodes: Array) -> tuple[Array, Array]:
-    """Cells in the order of DOLFINx; 8 nodes become 9."""
-    if kind == "quadrilateral" and nodes.shape[1] == 8:
-        points, nodes = completed(points, nodes)
-    return points, nodes if kind == "polygon" else of_vtk(kind, nodes)
 
 
 def _dataset(path: Path) -> str:
@@ -125,158 +153,13 @@ def _by_vtk(path: Path) -> Raw:
             raise InputError(f"{str(path)!r} holds a grid of volumes or lines: save its surface alone.")
         faces = data.irregular_faces
     rows = [face for table in faces for face in np.atleast_2d(table)]
-    return _polygons(path, np.asarray(data.points, dtype=float), rows)
-
-
-def _polygons(path: Path, points: Array, rows: list[Any]) -> Raw:
-    """Cells of straight edges, each with its corners going round."""
-    widths = np.array([len(row) for row in rows], dtype=int)
-    raw = Raw(path, points.reshape(-1, 3), [])
-    for width in np.unique(widths):
-        numbers = np.flatnonzero(widths == width)
-        nodes = np.array([rows[k] for k in numbers], dtype=np.int64)
-        kind = {3: "triangle", 4: "quadrilateral"}.get(int(width), "polygon")
-        if width < 3:
-            raise InputError(f"Cell {numbers[0]} of {str(path)!r} has {width} corners.")
-        raw.faces.append((kind, _face(raw.points, kind, nodes)[1], numbers))
-    return raw
-
-
-def _stl(path: Path) -> Raw:
-    """Triangles in words or in bytes; words are read in any case, and a file that ends early is not."""
-    raw = path.read_bytes()
-    count = int.from_bytes(raw[80:84], "little")
-    if len(raw) >= 84 and len(raw) == 84 + 50 * count:
-        facet = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
-        points = np.frombuffer(raw, facet, offset=84)["corners"].reshape(-1, 3).astype(float)
-    else:
-        words = decoded(path).lower()
-        found = re.findall(r"\bvertex\s+(\S+)\s+(\S+)\s+(\S+)", words)
-        points = np.array(found, dtype=float).reshape(-1, 3)
-        facets = len(re.findall(r"\bfacet\s+normal\b", words))
-        if len(points) != 3 * facets or len(re.findall(r"\bendfacet\b", words)) != facets:
-            raise InputError(f"{str(path)!r} is cut off: of its {facets} facets not all have three corners and an end.")
-        if not facets:
-            raise InputError(f"{str(path)!r} is not a mesh that can be read: it holds no facets, or is cut off.")
-    raw_mesh = Raw(path, points, [("triangle", np.arange(len(points)).reshape(-1, 3), np.arange(len(points) // 3))])
-    raw_mesh.merge = SAME
-    return raw_mesh
-
-
-_PLY = {
-    "char": "i1", "uchar": "u1", "short": "i2", "ushort": "u2", "int": "i4", "uint": "u4", "float": "f4",
-    "double": "f8", "int8": "i1", "uint8": "u1", "int16": "i2", "uint16": "u2", "int32": "i4", "uint32": "u4",
-    "int64": "i8", "uint64": "u8", "float32": "f4", "float64": "f8",
-}  # fmt: skip
-
-
-def _ply(path: Path) -> Raw:
-    """Vertices and faces, whatever else an element has."""
-    raw = path.read_bytes()
-    head = re.match(rb"\s*ply\s.*?^\s*end_header[ \t]*\r?\n", raw, re.DOTALL | re.MULTILINE)
-    if not head:
-        raise InputError(f"{str(path)!r} is not a mesh that can be read: it has no head as PLY files have.")
-    lines = [line.split() for line in head[0].decode("latin-1").splitlines()]
-    form = next(words[1] for words in lines if words[:1] == ["format"])
-    elements: list[tuple[str, int, list[list[str]]]] = []
-    for words in lines:
-        if words[:1] == ["element"]:
-            elements.append((words[1], int(words[2]), []))
-        elif words[:1] == ["property"]:
-            elements[-1][2].append(words[1:])
-    order = {"ascii": "", "binary_little_endian": "<", "binary_big_endian": ">"}[form]
-    words_left, at = iter(raw[head.end() :].split() if form == "ascii" else []), head.end()
-
-    def take(kind: str) -> Any:
-        nonlocal at
-        if form == "ascii":
-            return float(next(words_left))
-        dtype = np.dtype(order + _PLY[kind])
-        at += dtype.itemsize
-        return np.frombuffer(raw, dtype, 1, at - dtype.itemsize)[0]
-
-    points, rows = np.zeros((0, 3)), []
-    try:
-        for name, count, properties in elements:
-            found = []
-            for _ in range(count):
-                row: dict[str, Any] = {}
-                for words in properties:
-                    if words[0] == "list":
-                        row[words[3]] = [take(words[2]) for _ in range(int(take(words[1])))]
-                    else:
-                        row[words[1]] = take(words[0])
-                found.append(row)
-            if name == "vertex":
-                points = np.array([[float(row[axis]) for axis in "xyz"] for row in found])
-            elif name == "face":
-                rows = [next(row[key] for key in ("vertex_indices", "vertex_index") if key in row) for row in found]
-            elif name == "tristrips" and count:
-                raise InputError(f"{str(path)!r} holds strips of triangles: save it with faces.")
-    except (StopIteration, ValueError) as error:
-        raise InputError(
-            f"{str(path)!r} is not a mesh that can be read: it is cut off or has words for numbers."
-        ) from error
-    return _polygons(path, points, rows)
-
-
-_OBJ_PASSED = {"vt", "vn", "vp", "s", "usemtl", "mtllib", "usemap", "maplib", "mg", "lod", "shadow_obj", "trace_obj",
-               "bevel", "c_interp", "d_interp"}  # fmt: skip
-
-
-def _obj(path: Path) -> Raw:
-    """An .obj file with its groups of faces, lines and points; texture, normals and materials are left out."""
-    points: list[list[float]] = []
-    rows: list[list[int]] = []
-    groups: dict[str, dict[int, list[Any]]] = {}
-    group, head = "", ""
-
-    def place(word: str) -> int:
-        # counted from 1, or from the last point backwards
-        n = int(word.split("/")[0])
-        return n - 1 if n > 0 else n + len(points) if n < 0 else -1
-
-    def add(dim: int, members: list[Any]) -> None:
-        if group:
-            groups.setdefault(group, {}).setdefault(dim, []).extend(members)
-
-    for number, line in enumerate(decoded(path).splitlines(), 1):
-        line = head + line.split("#")[0].rstrip()
-        if line.endswith("\\"):
-            head = line[:-1] + " "
-            continue
-        head = ""
-        key, *words = line.split() or ["s"]
-        try:
-            if key == "v":
-                points.append([float(word) for word in words[:3]])
-                if len(words) < 3:
-                    raise ValueError("a point needs three numbers")
-            elif key in ("g", "o"):
-                group = " ".join(words)
-            elif key == "f":
-                add(2, [len(rows)])
-                rows.append([place(word) for word in words])
-            elif key == "l":
-                ends = [place(word) for word in words]
-                add(1, [*pairwise(ends)])
-            elif key == "p":
-                add(0, [place(word) for word in words])
-            elif key not in _OBJ_PASSED:
-                raise ValueError(f"{key!r} is no word of a mesh of points and faces")
-        except ValueError as error:
-            raise InputError(f"{str(path)!r} is not a mesh that can be read: {error} (line {number}).") from error
-    raw = _polygons(path, np.array(points, dtype=float).reshape(-1, 3), rows)
-    for name, dims in groups.items():
-        for dim, members in dims.items():
-            raw.add(name, dim, np.array(members))
-    return raw
+    return polygon_files.polygons(path, np.asarray(data.points, dtype=float), rows)
 
 
 SUFFIXES: dict[str, Callable[[Path], Raw]] = {
-    ".obj": _obj,
-    ".stl": _stl,
-    ".ply": _ply,
+    ".obj": polygon_files.obj,
+    ".stl": polygon_files.stl,
+    ".ply": polygon_files.ply,
     ".vtk": _vtk,
     ".vtp": _vtk,
     ".vtu": _vtk,

@@ -111,6 +111,8 @@ def read(
                 raise InputError(f"{str(path)!r} does not let {key} be set to {value}: only a .geo file has numbers.")
         if suffix in importing.SUFFIXES:
             return prepare(importing.load(path))
+        if suffix == ".msh" and not numbers and (raw := importing.old_msh(path)) is not None:
+            return prepare(raw)
         return _by_gmsh(lambda: gmsh_models.opened(path, numbers, trust), path, suffix in gmsh_models.SUFFIXES, prepare)
 
     return _distribute(_on_root(comm, make), comm, gdim)
