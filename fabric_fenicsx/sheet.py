@@ -6,12 +6,13 @@ from typing import Any
 import basix
 import numpy as np
 import ufl
+from mpi4py import MPI
 from dolfinx import fem
 from ufl.core.expr import Expr
 from ufl.form import Form
 
 from .errors import InputError
-from .laws import Law, section
+from .laws import Law, checks, section
 from .shell import assumed_strain, directors, kinematics
 from .solvers import motion
 from .solvers.energy import Ledger
@@ -67,6 +68,7 @@ class Sheet:
             raise InputError(f"kinematics={kinematics!r} is neither 'shell' nor 'membrane'.")
         if not (np.isfinite(thickness) and thickness > 0.0):
             raise InputError(f"A thickness of {thickness!r} m is not a positive number.")
+        _look_at(law, domain.mesh.comm)
         self.domain, self.law, self.thickness = domain, law, float(thickness)
         self.internal, self.stored = Form([]), Form([])
         self.hooks: list[LawHook] = []
@@ -263,3 +265,15 @@ def _shear_modulus(stiffness: np.ndarray | None, least: float) -> float:
         return least
     nu = np.sqrt(stiffness[0, 1] * stiffness[1, 0] / (stiffness[0, 0] * stiffness[1, 1]))
     return max(least, float(stiffness.diagonal()[:2].max() * (1 - nu) / 2))
+
+
+def _look_at(law: Law, comm: MPI.Comm) -> None:
+    """Raise InputError, on every rank, for a law that does not keep its promises on one of them."""
+    fault = None
+    try:
+        checks.glance(law)
+    except InputError as error:
+        fault = str(error)
+    fault = next((said for said in comm.allgather(fault) if said), None)
+    if fault is not None:
+        raise InputError(f"The law {type(law).__name__} cannot be used: {fault}")

@@ -3,6 +3,7 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import product
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -67,20 +68,12 @@ def check(law: Law, strains: ArrayLike | None = None, seed: int = 0) -> Report:
         strains = 10 ** rng.uniform(-4, -0.5, (64, 1)) * rng.uniform(-1, 1, (64, 3))
     E = as_path(strains)
     n = len(E)
-    start = getattr(law, "initial_state", None)
-    if not (isinstance(start, np.ndarray) and start.ndim == 1 and start.dtype == np.float64):
-        raise InputError("initial_state must be a one-dimensional NumPy array of float64.")
-    if not isinstance(getattr(law, "symmetric", None), bool | np.bool):
-        raise InputError("symmetric must be True or False.")
-    state, asymmetry, judged, worst, where = np.tile(start, (n, 1)), 0.0, 0.0, -1.0, E[0]
+    state, asymmetry, judged, worst, where = np.tile(_members(law), (n, 1)), 0.0, 0.0, -1.0, E[0]
     committed, gradient = np.zeros_like(E), []
     for _ in range(4):
         stress, tangent = _check_answers(law, E, state, rng)
-        skew = np.abs(tangent - np.swapaxes(tangent, 1, 2)).max((1, 2)) / (np.abs(tangent).max((1, 2)) + 1e-300)
+        skew, error, smooth = _check_tangent(law, E, state, stress, tangent)
         asymmetry = max(asymmetry, float(skew.max()))
-        _require(skew < 1e-10 if law.symmetric else True, E, "symmetric is True but the tangent is not so")
-        error, smooth = _tangent_errors(law, E, state, stress, tangent)
-        _require((error <= TANGENT).all((1, 2)), E, "the tangent is not the derivative of the stress")
         judged += float(smooth.mean()) / 4
         if error.max() > worst:
             worst, where = float(error.max()), E[error.max((1, 2)).argmax()]
@@ -97,8 +90,47 @@ def check(law: Law, strains: ArrayLike | None = None, seed: int = 0) -> Report:
     return Report(4 * n, judged, worst, where, bool(law.symmetric), asymmetry, W)
 
 
-def _check_answers(law: Law, E: Array, state: Array, rng: np.random.Generator) -> tuple[Array, Array]:
-    """All promises but those on the tangent, which is returned with the stress."""
+@np.errstate(all="ignore")
+def glance(law: Law, components: int = 3) -> None:
+    """Hold a law to what a run depends on, unstrained and at a few small strains: what costs a millisecond of `check`.
+
+    InputError as there: wrong members, shapes or types, arguments that are changed, `out` that is not written, answers
+    that are not finite or not the same again, and a tangent that is not the derivative of the stress.
+    """
+    rng = np.random.default_rng(0)
+    E = np.array([[0.0], [1e-4], [1e-3], [1e-2]]) * rng.uniform(-1, 1, (4, components))
+    state = np.tile(_members(law), (len(E), 1))
+    stress, tangent, _ = _check_batch(law, E, state)
+    _check_tangent(law, E, state, stress, tangent)
+    if isinstance(law, HasStiffness):
+        _check_stiffness(law, E, stress, tangent)
+
+
+def _members(law: Law) -> Array:
+    """The state of a point that was never strained, if all members are what they have to be."""
+    start = getattr(law, "initial_state", None)
+    if not (isinstance(start, np.ndarray) and start.ndim == 1 and start.dtype == np.float64):
+        raise InputError("initial_state must be a one-dimensional NumPy array of float64.")
+    if not np.isfinite(start).all():
+        raise InputError(f"initial_state holds what is not finite: {listed(start)}.")
+    if not isinstance(getattr(law, "symmetric", None), bool | np.bool):
+        raise InputError("symmetric must be True or False.")
+    if not callable(getattr(law, "respond", None)):
+        raise InputError("respond must be a function of strain, state and out.")
+    return start
+
+
+def _check_tangent(law: Law, E: Array, state: Array, stress: Array, tangent: Array) -> tuple[Array, Array, Any]:
+    """The promises on the tangent; its asymmetry, and the errors of `_tangent_errors`."""
+    skew = np.abs(tangent - np.swapaxes(tangent, 1, 2)).max((1, 2)) / (np.abs(tangent).max((1, 2)) + 1e-300)
+    _require(skew < 1e-10 if law.symmetric else True, E, "symmetric is True but the tangent is not so")
+    error, smooth = _tangent_errors(law, E, state, stress, tangent)
+    _require((error <= TANGENT).all((1, 2)), E, "the tangent is not the derivative of the stress")
+    return skew, error, smooth
+
+
+def _check_batch(law: Law, E: Array, state: Array) -> tuple[Array, ...]:
+    """The promises on what is returned and written for a few points; copies of it."""
     n, m = E.shape
     answer = _ask(law, E, state)
     first = tuple(a.copy() for a in answer)
@@ -112,6 +144,13 @@ def _check_answers(law: Law, E: Array, state: Array, rng: np.random.Generator) -
     alone = [_ask(law, E[k : k + 1], state[k : k + 1]) for k in range(n)]
     single = [np.concatenate(a) for a in zip(*alone, strict=True)]
     _require_close(single, first, E, "{} depends on the other points of the batch")
+    return first
+
+
+def _check_answers(law: Law, E: Array, state: Array, rng: np.random.Generator) -> tuple[Array, Array]:
+    """All promises but those on the tangent, which is returned with the stress."""
+    first = _check_batch(law, E, state)
+    n, m = E.shape
     far = rng.uniform(-10, 10, (n, m))
     answer = _ask(law, far, state)
     _require_close(answer, answer, far, "{} is not finite")
