@@ -44,7 +44,7 @@ def scene(args, comm=MPI.COMM_WORLD):
     bcs = supports.hinge(cloth.domain, cloth.space, "corner_patches" if args.patch else "corners")
     run, ledger = moving.runner(args, cloth, areal_mass, bcs, weight)
     probes = {"centre_z_m": moving.value_at(cloth, 2, "centre")}
-    name, made_with = f"drape of {Path(args.fabric).stem}", moving.settings("drape", args, f"patch {args.patch}")
+    name, made_with = f"drape of {Path(args.fabric).stem}", moving.settings("drape", args, patch=args.patch)
     return moving.Scene(name, cloth, run, ledger, probes, made_with)
 
 

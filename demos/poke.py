@@ -73,7 +73,7 @@ def scene(args, comm=MPI.COMM_WORLD):
         for k, column in enumerate(("E11", "E22", "S11_MPa", "S22_MPa")):
             probes[f"{name}_{column}"] = lambda values=values, k=k: values()[k]
     name = f"poke of {Path(args.fabric).stem}" + (", St. Venant-Kirchhoff" if not cloth.hooks else "")
-    made_with = moving.settings("poke", args, "at constant speed" if args.jerk else "smoothly")
+    made_with = moving.settings("poke", args, way="at constant speed" if args.jerk else "smoothly")
     return moving.Scene(name, cloth, run, ledger, probes, made_with)
 
 
