@@ -243,6 +243,8 @@ def test_an_old_msh_file_has_groups_of_elements_not_of_surfaces(tmp_path):
     assert count(domain) == 2
     expected = {"a": {2: 1}, "20": {2: 1}, "30": {2: 1}, "rim": {1: 1}, "6": {1: 1}, "4": {0: 1}}
     assert groups(domain) == expected
+    other = write(folder(tmp_path) / "c.geo", 'Merge "a.msh";\n')
+    refused("a.msh' is of version 2, in which gmsh", lambda: meshing.read(other, COMM))
     bad = write(folder(tmp_path) / "b.msh", OLD.replace("1 3 2 10 1", "1 3 2 0 1"))
     refused("must be in a physical surface, and 1 of 2 are in none", lambda: meshing.read(bad, COMM))
 
@@ -297,6 +299,21 @@ def test_a_sheet_in_millimetres():
 
 
 POLYGONS = np.array([[0, 0, 0], [2, 0, 0], [2, 1, 0], [1, 0.2, 0], [0, 1, 0], [0, 2, 0], [2, 2, 0]], dtype=float)
+
+
+def test_tables_of_strips_and_grids_of_points(tmp_path):
+    head = "# vtk DataFile Version 3.0\nx\nASCII\nDATASET "
+    strip = "POLYDATA\nPOINTS 4 float\n0 0 0 1 0 0 0 1 0 1 1 0\nTRIANGLE_STRIPS 1 5\n4 0 1 2 3\n"
+    grid = "STRUCTURED_GRID\nDIMENSIONS 3 2 1\nPOINTS 6 float\n0 0 0 1 0 0 2 0 0 0 1 0 1 1 0 2 1 0\n"
+    regular = "STRUCTURED_POINTS\nDIMENSIONS 3 2 1\nORIGIN 0 0 0\nSPACING 1 1 1\n"
+    solid = regular.replace("3 2 1\n", "3 2 2\n", 1)
+    for text, cells, size in ((strip, 2, 1), (grid, 2, 2), (regular, 2, 2)):
+        (tmp_path / "a.vtk").write_text(head + text)
+        domain = meshing.read(tmp_path / "a.vtk", MPI.COMM_SELF)
+        assert count_alone(domain) == cells and abs(area(domain) - size) < 1e-12
+    (tmp_path / "a.vtk").write_text(head + solid)
+    with pytest.raises(InputError, match="a grid of volumes or lines"):
+        meshing.read(tmp_path / "a.vtk", MPI.COMM_SELF)
 
 
 @pytest.mark.parallel

@@ -131,6 +131,11 @@ def _taken_in(
         return  # gmsh says so
     if other.suffix.lower() in (".gz", ".py", ".m", ".exe"):
         refuse(at, f"{str(other)!r} would be run as a program")
+    elif re.match(rb"\$MeshFormat\s+2", other.read_bytes()[:100]):
+        raise InputError(
+            f"{str(other)!r} is of version 2, in which gmsh takes the groups of a cell for those of its whole surface: "
+            "save it in version 4."
+        )
     elif not _is_data(other):
         _scan(other, trust, (*before, file))
     if (options := Path(f"{other}.opt")).is_file():

@@ -27,7 +27,7 @@ _MESHIO = {
 def load(path: Path) -> Raw:
     """Read a file of one of the `SUFFIXES`, as it stands.
 
-    Groups of cells, edges and points: `g` or `o` of .obj, those of `abaqus.read`, and `gmsh:physical` of .vtk and .vtu.
+    Groups of cells, edges and points: `g` or `o` of .obj, those of `abaqus.read`, and `gmsh:physical` of VTK's files.
     Corners at the same place are merged in an .stl file, which has each several times.
 
     Raises InputError for what is not such a file, or holds no surface.
@@ -70,7 +70,8 @@ def old_msh(path: Path) -> Raw | None:
     raw.foreign = False
     once: dict[int, int] = {}
     for k, (kind, nodes, numbers) in enumerate(raw.faces):
-        _, first, same = np.unique(np.sort(nodes, axis=1), axis=0, return_index=True, return_inverse=True)
+        corners = np.sort(nodes[:, : 3 if kind == "triangle" else 4], axis=1)
+        _, first, same = np.unique(corners, axis=0, return_index=True, return_inverse=True)
         once |= dict(zip(numbers.tolist(), numbers[first[same.reshape(-1)]].tolist(), strict=True))
         raw.faces[k] = kind, nodes[np.sort(first)], numbers[np.sort(first)]
     for group in raw.groups.values():
@@ -143,17 +144,19 @@ def _by_vtk(path: Path) -> Raw:
                 f"{str(path)!r} says that it has {int(said[1]) - offsets} {key.decode()}, and has {count}."
             )
     if isinstance(data, pyvista.PolyData):
-        if data.n_strips:
-            data = data.triangulate()
-        cells = data.regular_faces if data.is_all_triangles else None
-        faces = [cells] if cells is not None else data.irregular_faces
+        data = data.triangulate() if data.n_strips else data
+        rows = [*data.regular_faces] if data.n_faces and data.is_all_triangles else [*data.irregular_faces]
     else:
-        data = data.cast_to_unstructured_grid().extract_surface() if data.dimensionality == 2 else data
-        if not isinstance(data, pyvista.PolyData):
+        cells = data.cast_to_unstructured_grid().cells_dict
+        if not cells.keys() <= {pyvista.CellType.QUAD, pyvista.CellType.PIXEL}:
             raise InputError(f"{str(path)!r} holds a grid of volumes or lines: save its surface alone.")
-        faces = data.irregular_faces
-    rows = [face for table in faces for face in np.atleast_2d(table)]
-    return polygon_files.polygons(path, np.asarray(data.points, dtype=float), rows)
+        rows = [*cells.get(pyvista.CellType.QUAD, [])]
+        rows += [*cells[pyvista.CellType.PIXEL][:, [0, 1, 3, 2]]] if pyvista.CellType.PIXEL in cells else []
+    surface = polygon_files.polygons(path, np.asarray(data.points, dtype=float), rows)
+    physical = np.asarray(data.cell_data.get("gmsh:physical", []), dtype=int)
+    for tag in np.unique(physical) if len(physical) == len(rows) else []:
+        surface.add(str(tag), 2, np.flatnonzero(physical == tag))
+    return surface
 
 
 SUFFIXES: dict[str, Callable[[Path], Raw]] = {
