@@ -35,7 +35,7 @@ FLOORS = [
     {"terms": [{"supports", "hook", "weakform", "kernels"}, {"work"}]},
     {
         "solvers": [
-            {"linear", "continuation", "checkpoint", "reactions"},
+            {"linear", "continuation", "checkpoint", "reactions", "held"},
             {"statics", "motion"},
             {"step", "stable_step", "stepper"},
             {"newmark", "explicit"},

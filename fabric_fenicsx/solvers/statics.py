@@ -16,7 +16,7 @@ from ..shell.directors import ShellSpace
 from ..shell.dirichlet import check, put
 from ..terms.hook import LawHook, derive, forget_traversals
 from ..terms.work import InternalWork, assemble, matrix
-from . import linear
+from . import held, linear
 from .continuation import Step as Step
 from .continuation import march as march
 from .reactions import Reactions
@@ -187,6 +187,11 @@ class StaticSolver(Reactions):
             raise self.failure("diverged_linear_solve")
         self._x.axpy(-1.0, correction)
         return 1
+
+    def require_held(self, set_load: Callable[[float], None], start: float, load: float) -> None:
+        """Raise InputError, on every rank, for a sheet that is unstrained so far and that nothing holds; see `held`."""
+        if self.scale == 0.0:
+            held.require(self, set_load, start, load)
 
     # -- the parts of Newton's method, also for one of another kind (`continuation`) -----------------------
 
