@@ -49,8 +49,8 @@ def probe(cloth, place):
 
     def values():
         strain = cloth.cell_strain()[:owned][inside][:, :2]
-        if cloth.hooks:
-            stress = cloth.hooks[0].resultants[:owned][inside].mean(axis=1)[:, :2] / cloth.thickness
+        if cloth.points:
+            stress = cloth.points[0].stress[:owned][inside].mean(axis=1)[:, :2] / cloth.thickness
         else:
             stress = strain @ cloth.law.stiffness[:2, :2].T
         total = np.concatenate([strain, stress / 1e6], axis=1).sum(axis=0)
@@ -72,7 +72,7 @@ def scene(args, comm=MPI.COMM_WORLD):
         values = probe(cloth, place)
         for k, column in enumerate(("E11", "E22", "S11_MPa", "S22_MPa")):
             probes[f"{name}_{column}"] = lambda values=values, k=k: values()[k]
-    name = f"poke of {Path(args.fabric).stem}" + (", St. Venant-Kirchhoff" if not cloth.hooks else "")
+    name = f"poke of {Path(args.fabric).stem}" + (", St. Venant-Kirchhoff" if not cloth.points else "")
     made_with = moving.settings("poke", args, way="at constant speed" if args.jerk else "smoothly")
     return moving.Scene(name, cloth, run, ledger, probes, made_with)
 

@@ -25,7 +25,7 @@ from fabric_fenicsx.errors import StepFailed
 from fabric_fenicsx.laws.svk import StVenantKirchhoff
 from fabric_fenicsx.output import pictures, results
 from fabric_fenicsx.shell import directors
-from fabric_fenicsx.solvers import continuation, statics
+from fabric_fenicsx.solvers import continuation
 from fabric_fenicsx.surfaces import meshing
 from fabric_fenicsx.terms import supports
 from fabric_fenicsx.terms import weakform as wf
@@ -63,7 +63,7 @@ class Roof:
             + supports.symmetry(domain, shell.space, "top", axis=0)
             + supports.symmetry(domain, shell.space, "middle", axis=1)
         )
-        self.solver = statics.StaticSolver(-load, self.q, bcs, space=shell.space, works=shell.works)
+        self.solver = shell.equilibrium(bcs, load)
         self._held = supports.unknowns(domain, shell.space, "side", 2)
 
     def put(self, load):

@@ -85,7 +85,7 @@ class Case:
 
 
 def strip(case, comm=MPI.COMM_WORLD):
-    """The strip in its grips: unknown, solver, hook, a function that pulls the end, and the ends' unknowns."""
+    """The strip in its grips: unknown, solver, the law's points, a function that pulls the end, the ends' unknowns."""
     size = dict(zip(("nx", "ny"), case.cells, strict=True), length=case.fabric.gauge_length, width=case.fabric.width)
     size["triangles"] = int(case.triangles)
     gdim = 2 if case.kinematics == "plane" else 3
@@ -107,14 +107,14 @@ def displacement(case, u):
     return shown, refresh
 
 
-def picture(path, case, u, hook, title, **more):
+def picture(path, case, u, points, title, **more):
     """Draw a strip, coloured by its strain along the load; more: of `pictures.picture`."""
     mesh, angle = u.function_space.mesh, np.radians(case.angle)
     if case.kinematics == "plane":
         axes = yarns.plane_axes(mesh, angle)
     else:
         axes = yarns.surface_axes(mesh, (np.cos(angle), np.sin(angle), 0.0), 1)
-    strain = axial_strain(case, hook)
+    strain = axial_strain(case, points)
     pictures.picture(path, u, strain, "axial strain (-)", title, yarns=yarns.Yarns(mesh, u, axes)(), **more)
 
 
@@ -141,7 +141,7 @@ def gentle(case, comm):
 def run(case, out=None, comm=MPI.COMM_WORLD, progress=None, watch=None, scene=None):
     """Run a test: its table, the step at the highest load, and what stopped it (None, or a sentence).
 
-    `watch(step, fabric)` is called after every step with the law's hook; the test ends where it returns true.
+    `watch(step, fabric)` is called after every step with the law's points; the test ends where it returns true.
     `scene` is what `strip` made for the same specimen and law, unloaded, if it is to be used again.
     """
     u, solver, fabric, pull, (fixed, pulled) = scene or strip(case, comm)
@@ -149,7 +149,8 @@ def run(case, out=None, comm=MPI.COMM_WORLD, progress=None, watch=None, scene=No
     length, area = case.fabric.gauge_length, case.fabric.width * case.fabric.thickness
     middle = ufl.conditional(abs(ufl.SpatialCoordinate(mesh)[0] - length / 2) < length / 6, 1.0, 0.0)
     across = ufl.grad(ufl.split(u)[0] if case.kinematics == "shell" else u)[:, 1]
-    across = results.Average(across[1] + ufl.dot(across, across) / 2, middle, fabric.dx, comm)
+    dx = ufl.Measure("dx", mesh, metadata={"quadrature_degree": 2 * case.degree})
+    across = results.Average(across[1] + ufl.dot(across, across) / 2, middle, dx, comm)
 
     path, peak = gentle(case, comm) if case.imperfection and case.whole else case.path()
     shown, refresh = displacement(case, u)

@@ -26,7 +26,8 @@ Rooms, in the order in which a scene goes through them, and their names; each ro
 - `terms.supports`: how it is held: `clamp`, `grip`, `symmetry`, `lead` and others; `over`, `unknowns`, `places`, `mean`
 - `terms.weakform`: terms of a weak form: `internal`, `gravity`, `pressure`, `traction`, `point_force` and others
 - `terms.hook`: a law as an operand of UFL forms: `LawHook`
-- `terms.work`: a shell's work without a form: `InternalWork`
+- `terms.term`: what a residual is a sum of: `Term`; `terms.form`: a UFL form as one: `FormTerm`
+- `terms.work`: a shell's work without a form: `InternalWork`; `terms.points`: a law at points: `LawPoints`
 - `solvers.statics`: equilibrium: `StaticSolver`, `march`; `solvers.continuation`: `arc_length`
 - `solvers.linear`: how their linear systems are solved: `DIRECT`, `LAGGED`, `ITERATIVE`, `IN_MOTION`
 - `solvers.newmark`: implicit motion: `Newmark`; `solvers.explicit`: `CentralDifference`
@@ -42,9 +43,9 @@ Rooms, in the order in which a scene goes through them, and their names; each ro
 The other rooms serve these: `surfaces.checking`, `surfaces.grouping` and `surfaces.preparing` a mesh; files
 `surfaces.importing`, `surfaces.gmsh_models`, `surfaces.geo_programs` (what a `.geo` may not do), `surfaces.abaqus`,
 `surfaces.abaqus_lines`, `surfaces.abaqus_parts` and `surfaces.polygon_files`; `shell.rotation` and `shell.dirichlet`
-the directors,
-`terms.kernels` the stiffness, `solvers.stepper`, `solvers.step` and `solvers.stable_step` the motions,
-`solvers.reactions` all of them, `solvers.held` statics, `entries` the TOML files, `compiling` the forms that are compiled once and kept,
+the directors, `terms.kernels` the stiffness, `solvers.tangent` the matrix, `solvers.stepper`, `solvers.step` and
+`solvers.stable_step` the motions, `solvers.held` statics, `solvers.reactions` and `solvers.failures` all of them,
+`entries` the TOML files, `compiling` the forms that are compiled once and kept,
 `app.doctor` the command.
 
 The five demos `my_fabric`, `my_mesh`, `my_load`, `my_law` and `my_term` are short, each ends in an exact check, and are

@@ -22,7 +22,10 @@ from .solvers.statics import StaticSolver
 from .surfaces import yarns
 from .surfaces.meshing import Domain
 from .terms import weakform
+from .terms.form import FormTerm
 from .terms.hook import LawHook
+from .terms.points import LawPoints
+from .terms.term import Term
 from .terms.work import InternalWork
 
 ROTARY = {"thickness": 0.0, "cell": 3.0, "none": None}
@@ -48,8 +51,8 @@ class Sheet:
 
     Raises InputError. Public: `domain`, `q` (unknown: displacement, or displacement and director), `test`,
     `u` and `v` (the displacement's part of both, for loads), `space` (for `supports`), `shell` (a ShellSpace or
-    None), `dx`, `strain`, `internal` (Form), `stored` (Form of the energy outside of hooks), `hooks`; and `works`,
-    which a shell's solver takes in place of `internal` and `hooks`, for a stiffness that needs no compiling.
+    None), `dx`, `strain`; `terms`, which a solver takes; `points`, the `LawPoints` of a law that is not linear;
+    `stored`, the form of the energy outside of laws; `velocity`.
     """
 
     def __init__(
@@ -70,11 +73,12 @@ class Sheet:
             raise InputError(f"A thickness of {thickness!r} m is not a positive number.")
         _look_at(law, domain.mesh.comm)
         self.domain, self.law, self.thickness = domain, law, float(thickness)
-        self.internal, self.stored = Form([]), Form([])
-        self.hooks: list[LawHook] = []
-        self.works: list[InternalWork] = []
+        self.stored = Form([])
+        self.terms: list[Term] = []
+        self.points: list[LawPoints] = []
         self.shell: directors.ShellSpace | None = None
         self._strain: fem.Expression | None = None
+        self._velocity: fem.Function | None = None
         self._warp = warp
         self._yarns: yarns.Yarns | None = None
         self._shown: tuple[fem.Function, np.ndarray] | None = None
@@ -105,19 +109,14 @@ class Sheet:
         linear = getattr(self.law, "stiffness", None)
         stiffest = linear if linear is not None else getattr(getattr(self.law, "stiffest", None), "stiffness", None)
         across_stiffness = weakform.shear_stiffness(mesh, shear, h, reach, _shear_modulus(stiffest, max(shear)))
-        stress: LawHook | Expr
-        if linear is None:
-            stress = LawHook(through, self.strain, mesh, directors.DEGREE)
-            self.hooks.append(stress)
-        else:
-            stress = fem.Constant(mesh, through.elastic(linear))
-            self.stored += weakform.stored(ufl.dot(stress, self.strain), self.strain, 1.0, self.dx)
+        response: Law | Expr = through
+        if linear is not None:
+            response = fem.Constant(mesh, through.elastic(linear))
+            self.stored += weakform.stored(ufl.dot(response, self.strain), self.strain, 1.0, self.dx)
         self.stored += weakform.stored(ufl.dot(across_stiffness, across), across, 1.0, space.dx_shear)
-        self.works = [
-            InternalWork(space, self.q, self.strain, stress, self.dx),
-            InternalWork(space, self.q, across, across_stiffness, space.dx_shear),
-        ]
-        self.internal = self.works[0].form + self.works[1].form
+        parts = [(self.strain, response, self.dx), (across, across_stiffness, space.dx_shear)]
+        work = InternalWork(space, self.q, parts)
+        self.terms, self.points = [work], work.points
 
     def _build_membrane(self, warp: Sequence[float] | Expr, element: str | None) -> None:
         mesh = self.domain.mesh
@@ -130,17 +129,19 @@ class Sheet:
         h = fem.Constant(mesh, self.thickness)
         linear = getattr(self.law, "stiffness", None)
         if linear is None:
-            self.hooks.append(LawHook(self.law, self.strain, mesh, 2))
-            stress, dx = self.hooks[0].stress, self.hooks[0].dx
+            hook = LawHook(self.law, self.strain, mesh, 2, factor=self.thickness)
+            stress, dx, self.points = hook.stress, hook.dx, [hook.points]
         else:
             stress, dx = weakform.elastic_stress(mesh, linear, self.strain), self.dx
             self.stored = weakform.stored(stress, self.strain, h, dx)
-        self.internal = weakform.internal(stress, self.strain, self.q, self.test, h, dx)
+        internal = weakform.internal(stress, self.strain, self.q, self.test, h, dx)
+        energy = self.stored if linear is not None else None
+        self.terms = [FormTerm(internal, self.q, energy=energy, symmetric=self.law.symmetric)]
 
     def cell_strain(self) -> np.ndarray:
-        """Mean strain over each local cell, in the components of `strain`; of a hook, at its last evaluation."""
-        if self.hooks:
-            return np.asarray(self.hooks[0].strain.mean(axis=1))
+        """Mean strain over each local cell, in the components of `strain`; of a law, at its last evaluation."""
+        if self.points:
+            return np.asarray(self.points[0].strain.mean(axis=1))
         if self._strain is None:
             points, _ = basix.make_quadrature(self.domain.mesh.basix_cell(), 2)
             self._strain = fem.Expression(self.strain, points)
@@ -167,6 +168,13 @@ class Sheet:
             return form
         return form + weakform.rotary_inertia(areal_mass, self.thickness, d, self.delta, dx, reach)
 
+    @property
+    def velocity(self) -> Expr:
+        """Velocity of the mid-surface in m/s, for loads of `newmark` and `explicit` that depend on it."""
+        if self._velocity is None:
+            self._velocity = fem.Function(self.q.function_space, name="velocity")
+        return self._velocity if self.shell is None else ufl.split(self._velocity)[0]
+
     def weight(self, areal_mass: float, acceleration: Expr) -> Form:
         """Virtual work of the weight; subtract it. Areal mass in kg/m2, acceleration a vector in m/s2."""
         return weakform.gravity(areal_mass, acceleration, self.v, self.dx)
@@ -184,8 +192,7 @@ class Sheet:
 
         loads: virtual work of the forces on the sheet, in J; what resists, such as a spring, is negative.
         """
-        residual, bcs, hooks = self._resisting(loads, bcs)
-        return StaticSolver(residual, self.q, bcs, hooks, rtol, options, self.shell, self.works)
+        return StaticSolver(self._residual(loads), self.q, bcs, rtol=rtol, options=options, space=self.shell)
 
     def newmark(
         self,
@@ -203,8 +210,8 @@ class Sheet:
         areal_mass in kg/m2; loads as for `equilibrium`; rho, damping, lumped: see `motion.Motion`; rotary: see `mass`;
         settings: of `newmark.Newmark`, such as set_load.
         """
-        moved = motion.Motion(self.q, self.mass(areal_mass, rotary), self.shell, rho, None, damping, lumped)
-        return self._in_motion(Newmark, moved, bcs, loads, settings)
+        rule = {"rho": rho, "damping": damping, "lumped": lumped}
+        return self._in_motion(Newmark, areal_mass, rotary, rule, bcs, loads, settings)
 
     def explicit(
         self,
@@ -216,22 +223,25 @@ class Sheet:
         **settings: Any,
     ) -> tuple[CentralDifference, Ledger]:
         """As `newmark`, in explicit motion; settings: of `explicit.CentralDifference`."""
-        moved = motion.Motion(self.q, self.mass(areal_mass, rotary), self.shell, damping=damping)
-        return self._in_motion(CentralDifference, moved, bcs, loads, settings)
+        return self._in_motion(CentralDifference, areal_mass, rotary, {"damping": damping}, bcs, loads, settings)
 
     def _in_motion(
-        self, kind: Any, moved: motion.Motion, bcs: Sequence[fem.DirichletBC], loads: Form | int, settings: Any
+        self,
+        kind: Any,
+        areal_mass: float,
+        rotary: str,
+        rule: dict[str, Any],
+        bcs: Sequence[fem.DirichletBC],
+        loads: Form | int,
+        settings: dict[str, Any],
     ) -> tuple[Any, Ledger]:
-        run = kind(moved, *self._resisting(loads, bcs), works=self.works, **settings)
-        h = self.thickness if self.shell is None else 1.0
-        external = loads if isinstance(loads, Form) else None
-        return run, Ledger(run, external, self.stored, [(hook, h) for hook in self.hooks])
+        moved = motion.Motion(self.q, self.mass(areal_mass, rotary), self.shell, velocity=self._velocity, **rule)
+        run = kind(moved, self._residual(loads), bcs, **settings)
+        return run, Ledger(run)
 
-    def _resisting(self, loads: Form | int, bcs: Sequence[fem.DirichletBC]) -> tuple[Form | int, Any, Any]:
-        """Residual beside `works`, conditions, and hooks that are not in them."""
-        if self.works:
-            return -loads, bcs, ()
-        return self.internal - loads, bcs, self.hooks
+    def _residual(self, loads: Form | int) -> list[Form | Term]:
+        """Terms of the sheet and of what loads it."""
+        return [*self.terms, -loads] if isinstance(loads, Form) else [*self.terms]
 
     # -- to be shown -------------------------------------------------------------------------------------------------
 

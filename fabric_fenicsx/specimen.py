@@ -6,26 +6,28 @@ from typing import NamedTuple
 import numpy as np
 import ufl
 from dolfinx import fem
-from ufl.form import Form
 
 from . import sheet
 from .fabrics import Fabric
 from .laws import Law
 from .shell import kinematics
+from .shell.directors import ShellSpace
 from .solvers import statics
 from .surfaces import yarns
 from .surfaces.meshing import Domain
 from .terms import hook, supports, weakform
+from .terms.points import LawPoints
+from .terms.term import Residual
 
 FOUNDATION = 1.0  # N/m3
 
 
 class Strip(NamedTuple):
-    """A strip at rest: unknown, solver, the law's hook, what pulls the end (m), unknowns of both ends along x."""
+    """A strip at rest: unknown, solver, the law's points, what pulls the end (m), unknowns of both ends along x."""
 
     u: fem.Function
     solver: statics.StaticSolver
-    hook: hook.LawHook
+    points: LawPoints
     pull: Callable[[float], None]
     ends: tuple[np.ndarray, np.ndarray]
 
@@ -33,8 +35,7 @@ class Strip(NamedTuple):
         """Back to rest, of another law of the same kind: in the plane or as a membrane, without a new form."""
         self.pull(0.0)
         self.u.x.array[:] = 0.0
-        self.hook.law = law
-        self.hook.history = hook.History(law.initial_state, len(self.hook.history.committed))
+        self.points.begin(law)
         self.solver.commit()
 
 
@@ -57,15 +58,15 @@ def strip(
     """
     plane, mesh, h = level == "plane", domain.mesh, fabric.thickness
     warp = (np.cos(angle), np.sin(angle), 0.0)
-    shell, works = None, []
-    residual: Form | int = 0
+    shell: ShellSpace | None = None
+    residual: Residual
     if level == "shell":
         x = mesh.geometry.x
         x[:, 2] = imperfection * np.sin(np.pi * x[:, 0] / x[:, 0].max(initial=1e-9))
         element = "q1" if mesh.basix_cell().name == "quadrilateral" else None
         G = fabric.shear.modulus[0]
         bent = sheet.Sheet(domain, law, h, (G, G), warp, element=element)
-        u, shell, cloth, works = bent.q, bent.shell, bent.hooks[0], bent.works
+        u, shell, points, residual = bent.q, bent.shell, bent.points[0], bent.terms
     else:
         flat = fem.functionspace(mesh, ("Lagrange", degree, (mesh.geometry.dim,)))
         u, v = fem.Function(flat), ufl.TestFunction(flat)
@@ -76,6 +77,7 @@ def strip(
         if not plane:
             # across itself a membrane without stress has no stiffness: it lies on a soft foundation
             residual += fem.Constant(mesh, FOUNDATION) * u[2] * v[2] * cloth.dx
+        points = cloth.points
     space = shell or flat
 
     end = fem.Constant(mesh, 0.0)
@@ -91,10 +93,10 @@ def strip(
     buckles = imperfection != 0.0
     options: dict[str, object] = {"snes_linesearch_type": "basic" if buckles else "bt"}
     rtol = 1e-10 if buckles else 1e-6
-    solver = statics.StaticSolver(residual, u, bcs, () if works else [cloth], rtol, options, shell, works)
+    solver = statics.StaticSolver(residual, u, bcs, rtol=rtol, options=options, space=shell)
 
     def pull(displacement: float) -> None:
         end.value = displacement
 
     fixed, pulled = (supports.unknowns(domain, space, group, 0) for group in ("fixed_end", "pulled_end"))
-    return Strip(u, solver, cloth, pull, (fixed, pulled))
+    return Strip(u, solver, points, pull, (fixed, pulled))

@@ -44,12 +44,10 @@ def moving(cloth, bcs=(), gravity=(0, 0, 0), extra=0.0, ledger=False, rtol=1e-11
     weight = cloth.weight(AREAL_MASS, g)
     rule = {name: options.pop(name) for name in ("rho", "newmark", "damping", "lumped") if name in options}
     moved = motion.Motion(cloth.q, cloth.mass(AREAL_MASS), cloth.shell, **rule)
-    damping = extra(moved) if extra else None
-    loads = weight - damping if damping else weight
-    run = newmark.Newmark(moved, *cloth._resisting(loads, list(bcs)), works=cloth.works, rtol=rtol, **options)
+    more = [extra(moved)] if extra else []
+    run = newmark.Newmark(moved, [*cloth.terms, -weight, *more], list(bcs), rtol=rtol, **options)
     if ledger:
-        factor = 1.0 if cloth.shell else cloth.thickness
-        energy.Ledger(run, weight, cloth.stored, [(hook, factor) for hook in cloth.hooks], damping)
+        energy.Ledger(run)
     return run
 
 

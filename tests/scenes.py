@@ -13,6 +13,7 @@ from fabric_fenicsx.shell import assumed_strain, kinematics
 from fabric_fenicsx.solvers import statics
 from fabric_fenicsx.surfaces import meshing, yarns
 from fabric_fenicsx.terms import hook, weakform
+from fabric_fenicsx.terms.points import LawPoints
 from fabric_fenicsx.terms.work import InternalWork
 
 MESHES = Path(__file__).parent.parent / "meshes"
@@ -52,7 +53,7 @@ class Scene:
     """A sheet whose whole rim goes through the homogeneous deformation F of a load."""
 
     u: fem.Function
-    fabric: hook.LawHook
+    fabric: LawPoints
     solver: statics.StaticSolver
     pull: Callable[[float], None]
     F: Callable[[float], np.ndarray]
@@ -76,8 +77,8 @@ def rim(domain, law, gradient, warp=0.0, degree=1, turn=0.0, rtol=1e-10, **optio
 
     pull(0.0)
     u.x.array[:] = given.x.array
-    solver = statics.StaticSolver(residual, u, [fem.dirichletbc(given, edge)], [fabric], rtol, options)
-    return Scene(u, fabric, solver, pull, F)
+    solver = statics.StaticSolver(residual, u, [fem.dirichletbc(given, edge)], rtol=rtol, options=options)
+    return Scene(u, fabric.points, solver, pull, F)
 
 
 def side(u, component, where):
@@ -165,7 +166,7 @@ def group(domain, V, name, component=None):
 
 
 def clamped(comm, fabric, law, cells=(9, 3), degree=1, warp=0.0, turn=0.0, rtol=1e-10, **numbers):
-    """A strip between grips, all of it turned by `turn`: u, hook, solver, pull and measure.
+    """A strip between grips, all of it turned by `turn`: u, points, solver, pull and measure.
 
     `pull(d)` gives the displacement of the end, `measure()` the force on it along and across the strip.
     """
@@ -179,7 +180,7 @@ def clamped(comm, fabric, law, cells=(9, 3), degree=1, warp=0.0, turn=0.0, rtol=
     residual = weakform.internal(sheet.stress, strain, u, v, fem.Constant(domain.mesh, fabric.thickness), sheet.dx)
     end, parts = group(domain, V, "pulled_end"), [group(domain, V, "pulled_end", k) for k in (0, 1)]
     bcs = [fem.dirichletbc(given, dofs) for dofs in (group(domain, V, "fixed_end"), end)]
-    solver = statics.StaticSolver(residual, u, bcs, [sheet], rtol, {"snes_linesearch_type": "bt"})
+    solver = statics.StaticSolver(residual, u, bcs, rtol=rtol, options={"snes_linesearch_type": "bt"})
 
     def pull(displacement):
         given.x.array.reshape(-1, 2)[end] = displacement * along
@@ -187,11 +188,11 @@ def clamped(comm, fabric, law, cells=(9, 3), degree=1, warp=0.0, turn=0.0, rtol=
     def measure():
         return np.array([solver.reaction(part) for part in parts]) @ turned(turn)
 
-    return u, sheet, solver, pull, measure
+    return u, sheet.points, solver, pull, measure
 
 
 def drawn(comm, fabric, law, cells=(4, 2), warp=0.0, cell="quadrilateral", rtol=1e-10, **options):
-    """A strip drawn by a dead traction (Pa, of the reference area) on both ends: u, hook, solver, draw.
+    """A strip drawn by a dead traction (Pa, of the reference area) on both ends: u, points, solver, draw.
 
     Held at (0, 0), and at (length, 0) against rotation: its stress is uniaxial and homogeneous.
     """
@@ -215,18 +216,18 @@ def drawn(comm, fabric, law, cells=(4, 2), warp=0.0, cell="quadrilateral", rtol=
     zero = fem.Constant(domain.mesh, 0.0)
     pins = [(0, group(domain, V, "pin", 0)), (1, group(domain, V, "pin", 1)), (1, corner)]
     bcs = [fem.dirichletbc(zero, dofs, V.sub(k)) for k, dofs in pins]
-    solver = statics.StaticSolver(residual, u, bcs, [sheet], rtol, options)
+    solver = statics.StaticSolver(residual, u, bcs, rtol=rtol, options=options)
 
     def draw(stress):
         traction.value[:] = [stress, 0]
 
-    return u, sheet, solver, draw
+    return u, sheet.points, solver, draw
 
 
 def shell(space, q, thickness, E, nu, warp=(1, 0, 0)):
-    """Works of an isotropic elastic shell, for `StaticSolver`; the sum of their forms is the same in plain UFL."""
+    """Internal work of an isotropic elastic shell, for `StaticSolver`; its form is the same in plain UFL."""
     plane, G = StVenantKirchhoff.isotropic(E, nu).stiffness, E / 2 / (1 + nu)
     section = fem.Constant(space.mesh, np.kron(np.diag([thickness, thickness**3 / 12]), plane))
     strain, shear = assumed_strain.shell_strains(space, q, warp)
     across = weakform.shear_stiffness(space.mesh, (G, G), thickness)
-    return [InternalWork(space, q, strain, section, space.dx), InternalWork(space, q, shear, across, space.dx_shear)]
+    return InternalWork(space, q, [(strain, section, space.dx), (shear, across, space.dx_shear)])

@@ -17,7 +17,7 @@ from fabric_fenicsx.laws.woven import Woven
 from fabric_fenicsx.shell import assumed_strain, directors
 from fabric_fenicsx.solvers import statics
 from fabric_fenicsx.surfaces import meshing
-from fabric_fenicsx.terms import hook, weakform
+from fabric_fenicsx.terms import weakform
 from fabric_fenicsx.terms.work import InternalWork
 
 FABRIC = fabrics.load("blend")
@@ -57,22 +57,21 @@ class Shell:
         self.space = space = directors.ShellSpace(domain, element)
         self.q, test = space.function(), ufl.TestFunction(space.V)
         strain, shear = assumed_strain.shell_strains(space, self.q, warp)
-        self.fabric = hook.LawHook(Section(law, thickness, 3), strain, domain, directors.DEGREE)
         G = law.respond(np.zeros((1, 3)), law.initial_state[None])[1][0, 2, 2]
         stiffness = weakform.shear_stiffness(domain, (G, ratio * G), fem.Constant(domain, thickness))
-        self.works = [
-            InternalWork(space, self.q, strain, self.fabric, space.dx),
-            InternalWork(space, self.q, shear, stiffness, space.dx_shear),
-        ]
-        self.residual = 0
+        parts = [(strain, Section(law, thickness, 3), space.dx), (shear, stiffness, space.dx_shear)]
+        self.work = InternalWork(space, self.q, parts)
+        self.fabric = self.work.points[0]
+        self.residual = [self.work]
         if load is not None:
             f, v = fem.Function(space.V.sub(0).collapse()[0]), ufl.split(test)[0]
             f.interpolate(load)
-            self.residual = -weakform.surface_traction(f, v, ufl.dx(domain, metadata={"quadrature_degree": 4}))
+            load = weakform.surface_traction(f, v, ufl.dx(domain, metadata={"quadrature_degree": 4}))
+            self.residual.append(-load)
         self.shear = shear
 
     def solver(self, bcs=()):
-        return statics.StaticSolver(self.residual, self.q, bcs, space=self.space, works=self.works)
+        return statics.StaticSolver(self.residual, self.q, bcs, space=self.space)
 
     @functools.cached_property
     def free(self):
@@ -101,7 +100,7 @@ class Shell:
     def strains(self, values):
         """Strain and curvature (cells, points, 6) and shear (cells, points, 2) at (u, d)."""
         self.q.x.array[:] = values
-        assert self.fabric.evaluate()
+        assert self.work.evaluate()
         cells = np.arange(len(self.fabric.strain), dtype=np.int32)
         return self.fabric.strain.copy(), self._shear.eval(self.space.mesh, cells).reshape(len(cells), -1, 2)
 
@@ -109,18 +108,18 @@ class Shell:
         """Internal forces at (u, d), in V."""
         self.strains(values)
         result = np.zeros_like(values)
-        for work in self.works:
-            work.add_force(result)
+        self.work.add_force(result)
         return result
 
     def stiffness(self):
         """Tangent at rest in V, a SciPy matrix."""
         self.strains(self.space.function().x.array)
-        self.free.assemble_stiffness()
-        indptr, indices, entries = self.free._K.getValuesCSR()
+        tangent = self.free.tangent
+        tangent.sum_up()
+        indptr, indices, entries = tangent.K.getValuesCSR()
         return scipy.sparse.csr_array((entries, indices, indptr))
 
     @property
     def stress(self):
         """Resultants at the last strains, (cells, points, 6)."""
-        return self.fabric.stress.ref_coefficient.x.array.reshape(self.fabric.strain.shape)
+        return self.fabric.stress

@@ -36,7 +36,7 @@ def pulled(comm, kinematics="shell", cells=2, rtol=1e-8):
 
 def known(run):
     """All that is known of the present step."""
-    return run.numbers(), [array.copy() for _, _, array in run.fields()[1]]
+    return run.numbers(), [array.copy() for _, _, array in run.fields()]
 
 
 def march(run, steps):

@@ -153,8 +153,8 @@ def roof(comm, cells=4):
     at = supports.over(domain, "A", 1)
     bcs = supports.hinge(domain, space, "side")
     bcs += supports.symmetry(domain, space, "top", 0) + supports.symmetry(domain, space, "middle", 1)
-    load, works = weakform.point_force(force, v, at), scenes.shell(space, q, h, E, nu)
-    solver = statics.StaticSolver(-load, q, bcs, rtol=1e-10, space=space, works=works)
+    residual = [scenes.shell(space, q, h, E, nu), -weakform.point_force(force, v, at)]
+    solver = statics.StaticSolver(residual, q, bcs, rtol=1e-10, space=space)
     under, held = (supports.unknowns(domain, space, name, 2) for name in ("A", "side"))
     owned = under[under < space.V.dofmap.index_map.size_local]
 
@@ -197,7 +197,7 @@ def test_directors_are_committed_on_the_way_round_a_full_turn():
     moment = fem.Constant(domain.mesh, (0.0, 0.0, 0.0))
     work = weakform.edge_moment(moment, d, delta, supports.over(domain, "pulled_end", 1))
     bcs = supports.clamp(domain, space, "fixed_end")
-    solver = statics.StaticSolver(-work, q, bcs, space=space, works=scenes.shell(space, q, h, E, 0.0))
+    solver = statics.StaticSolver([scenes.shell(space, q, h, E, 0.0), -work], q, bcs, space=space)
 
     def load(turns):
         moment.value[1] = -2 * np.pi * turns / 10.0

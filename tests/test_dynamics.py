@@ -93,7 +93,7 @@ def test_true_initial_acceleration(kinematics):
     # with no step under way, `forces` are the residual less M a at this moment
     run.solver.residual(run.solver.begin())
     left = run.solver.forces()
-    inner = np.abs(run.motion.inertia().array_r).max()
+    inner = np.abs(run.motion.by_mass(run.motion.acceleration).array_r).max()
     left[run.motion.given] = 0.0
     if cloth.shell:
         nodes = cloth.shell.nodes
@@ -119,7 +119,7 @@ def test_free_fall_is_exact(rho):
 
 def alpha2(cloth, run, end, dt, rho):
     """Displacement at the end by PETSc's own generalised-alpha method of second order, with the forms of a run."""
-    q, solver, mass = cloth.q, run.solver, run.motion.mass
+    q, mass = cloth.q, run.motion.mass
     fixed = run.motion.given
     am = 2 / (1 + rho)
     store = PETSc.Options("alpha2_")
@@ -128,19 +128,21 @@ def alpha2(cloth, run, end, dt, rho):
     for name, value in (rule | solving).items():
         store[name] = value
     v = run.motion.velocity.x.petsc_vec.copy()
-    K = fempetsc.create_matrix(solver.jacobian_form)
+    internal, weight = run.terms
+    K = fempetsc.create_matrix(internal.jacobian)
 
     def function(ts, t, x, v, a, F):
         x.copy(q.x.petsc_vec)
         with F.localForm() as local:
             local.set(0.0)
-        fempetsc.assemble_vector(F, solver.residual_form)
+        for term in (internal, weight):
+            fempetsc.assemble_vector(F, term.residual)
         mass.multAdd(a, F, F)
         F.array_w[fixed] = x.array_r[fixed]
 
     def jacobian(ts, t, x, v, a, by_v, by_a, J, P):
         P.zeroEntries()
-        fempetsc.assemble_matrix(P, solver.jacobian_form)
+        fempetsc.assemble_matrix(P, internal.jacobian)
         P.assemble()
         P.axpy(by_a, mass, PETSc.Mat.Structure.SAME_NONZERO_PATTERN)
         P.zeroRows(fixed, 1.0)
@@ -409,12 +411,12 @@ def pulled(stride):
 @pytest.mark.parallel
 def test_a_step_that_fails_is_cut_and_leaves_no_trace():
     cloth, run = pulled(4e-3)
-    hook, times, cuts = cloth.hooks[0], [], 0
+    points, times, cuts = cloth.points[0], [], 0
     for step in run.march(0.2, 0.02):
         times.append(step.load)
         cuts += step.step_cuts
         # the state of this law is the strain of the last accepted step
-        assert np.array_equal(hook.history.committed, hook.strain.reshape(-1, 3))
+        assert np.array_equal(points.history.committed, points.strain.reshape(-1, 3))
         assert np.array_equal(run.motion.accepted["q"], cloth.q.x.array)
     assert cuts > 0 and np.array_equal(times, np.linspace(0, 0.2, 11)[1:])
     clean, fine = pulled(np.inf)
@@ -430,8 +432,8 @@ def test_a_step_that_cannot_be_cut_stops_with_the_last_good_state():
     assert 0 <= run.time < 0.2
     assert np.array_equal(run.motion.accepted["q"], cloth.q.x.array)
     assert np.array_equal(run.motion.accepted["v"], run.motion.velocity.x.array)
-    assert np.array_equal(cloth.hooks[0].history.committed, cloth.hooks[0].strain.reshape(-1, 3))
-    cloth.hooks[0].law.stride = 1.0
+    assert np.array_equal(cloth.points[0].history.committed, cloth.points[0].strain.reshape(-1, 3))
+    cloth.points[0].law.stride = 1.0
     last(run, 0.2, 0.02)
     assert run.time == 0.2
 

@@ -18,17 +18,17 @@ COMM = MPI.COMM_WORLD
 
 
 def run_of(cloth, bcs=(), gravity=(0, 0, 0), **settings):
-    """Explicit motion of a sheet that has a weight, and its virtual work."""
+    """Explicit motion of a sheet that has a weight."""
     weight = cloth.weight(motions.AREAL_MASS, fem.Constant(cloth.domain.mesh, np.array(gravity, dtype=float)))
     moved = motion.Motion(cloth.q, cloth.mass(motions.AREAL_MASS), cloth.shell)
-    return explicit.CentralDifference(moved, -weight, list(bcs), works=cloth.works, **settings), weight
+    return explicit.CentralDifference(moved, [*cloth.terms, -weight], list(bcs), **settings)
 
 
 def plate(comm=MPI.COMM_SELF, **settings):
     """A sheet hinged on its left edge that falls, and its run."""
     cloth = motions.cloth(comm)
     bcs = supports.hinge(cloth.domain, cloth.space, "left")
-    return cloth, run_of(cloth, bcs, (0, 0, -9.81), **settings)[0]
+    return cloth, run_of(cloth, bcs, (0, 0, -9.81), **settings)
 
 
 @pytest.mark.parametrize("triangles", [0, 1])
@@ -44,12 +44,12 @@ def test_lumped_mass_is_positive_and_whole(triangles):
             assert abs(m[unknowns].sum() / expected - 1) < 1e-12
     still = motion.Motion(cloth.q, cloth.mass(motions.AREAL_MASS, rotary="none"), cloth.shell)
     with pytest.raises(InputError, match="directors with inertia"):
-        explicit.CentralDifference(still, 0, [], works=cloth.works)
+        explicit.CentralDifference(still, cloth.terms, [])
 
 
 def test_free_fall_is_exact():
     cloth = motions.cloth(MPI.COMM_SELF)
-    run, _ = run_of(cloth, gravity=(0, 0, -9.81))
+    run = run_of(cloth, gravity=(0, 0, -9.81))
     *_, step = run.march(0.01, 0.01)
     u = cloth.q.sub(0).collapse().x.array.reshape(-1, 3)
     assert step.load == 0.01 and np.abs(u - [0, 0, -9.81 * 0.01**2 / 2]).max() < 1e-12
@@ -62,7 +62,7 @@ def test_a_step_over_the_largest_stable_one_is_refused_and_does_explode():
     grown = []
     for factor, steps in ((0.98, 500), (1.1, 16)):
         cloth = motions.cloth(MPI.COMM_SELF)
-        run, _ = run_of(cloth)
+        run = run_of(cloth)
         # a motion too small to change what is stable
         cloth.q.x.array[run.directors[:, 0]] += 1e-9
         run.stable *= factor / explicit.SAFETY
@@ -87,8 +87,8 @@ def test_second_order():
 
 def test_energy_closes_and_the_implicit_scheme_agrees():
     cloth = motions.cloth(MPI.COMM_SELF)
-    run, weight = run_of(cloth, supports.hinge(cloth.domain, cloth.space, "left"), (0, 0, -9.81))
-    ledger = energy.Ledger(run, weight, cloth.stored)
+    run = run_of(cloth, supports.hinge(cloth.domain, cloth.space, "left"), (0, 0, -9.81))
+    ledger = energy.Ledger(run)
     motions.spin(run.motion.velocity, (0, -10.0, 0))
     for _ in run.march(0.02, 0.01, dt=0.2 * run.stable):
         pass
@@ -109,7 +109,7 @@ def test_thickness_does_not_limit_the_step_where_shear_stiffness_is_limited(reac
         domain = meshing.read(motions.SQUARE, MPI.COMM_SELF, side=motions.SIDE, n=2)
         cloth = sheet.Sheet(domain, motions.SOFT, thickness, (1e4, 1e4), layers=2, reach=reach)
         moved = motion.Motion(cloth.q, cloth.mass(motions.AREAL_MASS), cloth.shell)
-        steps.append(explicit.CentralDifference(moved, 0, [], works=cloth.works).stable)
+        steps.append(explicit.CentralDifference(moved, cloth.terms, []).stable)
     assert (steps[1] > 0.9 * steps[0]) == (reach > 0.0)
 
 

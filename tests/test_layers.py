@@ -32,10 +32,11 @@ FLOORS = [
         ]
     },
     {"shell": [{"kinematics", "rotation", "dirichlet"}, {"directors"}, {"assumed_strain"}]},
-    {"terms": [{"supports", "hook", "weakform", "kernels"}, {"work"}]},
+    {"terms": [{"supports", "term", "points", "weakform", "kernels"}, {"hook"}, {"work", "form"}]},
     {
         "solvers": [
-            {"linear", "continuation", "checkpoint", "reactions", "held"},
+            {"held"},
+            {"linear", "continuation", "checkpoint", "reactions", "tangent"},
             {"statics", "motion"},
             {"step", "stable_step", "stepper"},
             {"newmark", "explicit"},
@@ -57,8 +58,8 @@ LEVEL = {
     for room in rooms
 }
 FENICS = {"dolfinx", "ufl", "basix", "ffcx", "dolfinx_external_operator", "petsc4py", "mpi4py", "gmsh", "meshio"}
-# directors and work hand the solver a matrix
-PETSC = {"shell.directors", "terms.work"}
+# directors hand the solver a matrix
+PETSC = {"shell.directors"}
 FILES = [path for path in sorted(PACKAGE.rglob("*.py")) if path.parent != PACKAGE or path.name != "__init__.py"]
 FOLDERS = {room.split(".")[0] for room in LEVEL if "." in room}
 every_file = pytest.mark.parametrize("path", FILES, ids=lambda path: str(path.relative_to(PACKAGE)))

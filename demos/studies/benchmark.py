@@ -112,7 +112,7 @@ def recorded(angle):
         ends = "free" if angle == 45.0 else "clamped"
         case = tensile.Case(law.fabric, angle, cells=(3 * ny, ny), degree=1, steps=8, ends=ends)
         scene = tensile.strip(case, MPI.COMM_SELF)
-        scene.hook.law = Recorder(law.fabric)
+        scene.points.begin(Recorder(law.fabric))
         tensile.run(case, comm=MPI.COMM_SELF, scene=scene)
         # whole calls, evenly spread over the test
         wanted = np.linspace(0, len(calls) - 1, n // len(calls[0][0]) + 1).astype(int)
@@ -237,7 +237,7 @@ def hook_row(element, points, repeats, comm):
     residual = weakform.internal(fabric.stress, strain, u, v, law.law.fabric.thickness, fabric.dx)
     ends = mesh.locate_entities_boundary(domain, 1, lambda x: np.isclose(x[0], 0.0) | np.isclose(x[0], length))
     bcs = [fem.dirichletbc(np.zeros(2), fem.locate_dofs_topological(V, 1, ends), V)]
-    solver = statics.StaticSolver(residual, u, bcs, [fabric])
+    solver = statics.StaticSolver(residual, u, bcs)
 
     def wave(pull):
         # pulled, narrowed, and uneven: from one pull to the next some points load and others unload
@@ -252,7 +252,8 @@ def hook_row(element, points, repeats, comm):
     solver.commit()
     u.interpolate(wave(0.21))
 
-    A, b, ksp = fempetsc.create_matrix(solver.jacobian_form), fempetsc.create_vector(V), solver.snes.ksp
+    (form,), ksp = solver.terms, solver.snes.ksp
+    A, b = fempetsc.create_matrix(form.jacobian), fempetsc.create_vector(V)
     x = b.duplicate()
     law_times = []
 
@@ -263,11 +264,11 @@ def hook_row(element, points, repeats, comm):
     def assemble_residual():
         with b.localForm() as local:
             local.set(0.0)
-        fempetsc.assemble_vector(b, solver.residual_form)
+        fempetsc.assemble_vector(b, form.residual)
 
     def assemble_jacobian():
         A.zeroEntries()
-        fempetsc.assemble_matrix(A, solver.jacobian_form, bcs=bcs)
+        fempetsc.assemble_matrix(A, form.jacobian, bcs=bcs)
         A.assemble()
 
     times = clock(repeats, evaluate, assemble_residual, assemble_jacobian, comm=comm)

@@ -7,7 +7,6 @@ import numpy as np
 import ufl
 from dolfinx import fem, mesh
 from dolfinx.fem.petsc import NonlinearProblem
-from ufl.form import Form
 
 from fabric_fenicsx import fabrics, sheet
 from fabric_fenicsx.laws.section import Section
@@ -89,31 +88,30 @@ def law_of(scene):
 
 
 def plane(scene, cells, comm):
-    """Unknown, its test function, internal work, works, hooks, dx and what else a scene in the plane is made of."""
+    """The mesh, space and unknown of a scene in the plane, its internal work, the points of its law if any."""
     domain = meshing.read(STRIP, comm, gdim=2, nx=cells[0], ny=cells[1], length=LENGTH, width=WIDTH)
     V = fem.functionspace(domain.mesh, ("Lagrange", 1, (2,)))
     u, v = fem.Function(V), ufl.TestFunction(V)
-    strain, law, hooks = kinematics.membrane_strain(u, yarns.plane_axes(domain.mesh, 0.0)), law_of(scene), []
+    strain, law, points = kinematics.membrane_strain(u, yarns.plane_axes(domain.mesh, 0.0)), law_of(scene), []
     if scene.law == "linear":
         stress, dx = (
             weakform.elastic_stress(domain.mesh, law.stiffness, strain),
             ufl.dx(metadata={"quadrature_degree": 2}),
         )
     else:
-        hooks = [hook.LawHook(law, strain, domain.mesh, 2)]
-        stress, dx = hooks[0].stress, hooks[0].dx
+        cloth = hook.LawHook(law, strain, domain.mesh, 2)
+        stress, dx, points = cloth.stress, cloth.dx, [cloth.points]
     inner = weakform.internal(stress, strain, u, v, fem.Constant(domain.mesh, H), dx)
-    return domain, V, u, inner, hooks
+    return domain, V, u, inner, points
 
 
 def thick(cloth):
-    """Works of a sheet whose strain has the part that goes with the square of the height, too."""
+    """Internal work of a sheet whose strain has the part that goes with the square of the height, too."""
     axes = yarns.surface_axes(cloth.domain.mesh, (1, 0, 0), directors.DEGREE)
     more = kinematics.quadratic_strain(cloth.director, cloth.shell.normal, axes)
     strain = ufl.as_vector([*(cloth.strain[i] for i in range(6)), *(more[i] for i in range(3))])
-    through = Section(cloth.law, H, len(cloth.hooks[0].law.heights), quadratic=True)
-    law = hook.LawHook(through, strain, cloth.domain.mesh, directors.DEGREE)
-    return [InternalWork(cloth.shell, cloth.q, strain, law, cloth.dx), cloth.works[1]]
+    through = Section(cloth.law, H, len(cloth.points[0].law.heights), quadratic=True)
+    return InternalWork(cloth.shell, cloth.q, [(strain, through, cloth.dx), cloth.terms[0].parts[1]])
 
 
 def pulled(steps):
@@ -126,34 +124,33 @@ class Built:
 
     def __init__(self, scene, cells, comm):
         self.run, self.end = None, None
-        works = []
         if scene.level == "plane":
-            self.domain, space, q, inner, hooks = plane(scene, cells, comm)
+            self.domain, space, q, inner, points = plane(scene, cells, comm)
             self.end = fem.Constant(self.domain.mesh, 0.0)
             bcs = supports.hinge(self.domain, space, "fixed_end")
             bcs += supports.lead(self.domain, space, "pulled_end", 0, self.end)
-            self.solver = statics.StaticSolver(inner, q, bcs, hooks)
+            self.solver = statics.StaticSolver(inner, q, bcs)
         else:
             cloth = self._sheet(scene, cells, comm)
-            q, hooks, works = cloth.q, cloth.hooks, thick(cloth) if scene.quadratic else cloth.works
+            q, terms, points = cloth.q, cloth.terms, cloth.points
+            if scene.quadratic:
+                work = thick(cloth)
+                terms, points = [work], work.points
             external = self._load(scene, cloth)
             ends, along = (("middle", "end"), 1) if scene.curved else (("fixed_end", "pulled_end"), 0)
             bcs = supports.clamp(self.domain, cloth.space, ends[0])
             bcs += supports.lead(self.domain, cloth.space, ends[1], along, self.end)
             if scene.level == "membrane":  # flat and without tension it has no stiffness across itself
                 bcs += supports.lead(self.domain, cloth.space, "sheet", 2, 0.0)
-            residual = Form([]) if works else cloth.internal
             if external is not None:
-                residual = residual - external
-            residual = residual if residual.integrals() else 0
+                terms = [*terms, -external]
             if scene.moving:
-                self._move(scene, cloth, residual, bcs, external)
+                self._move(scene, cloth, terms, bcs)
             else:
-                self.solver = statics.StaticSolver(
-                    residual, q, bcs, () if works else hooks, space=cloth.shell, works=works
-                )
-        self.unknowns, self.batches = self.solver.begin().getSize(), len(works)
-        arrays = [array for law in self.solver.hooks for array in (law.history.committed, law.history.trial)]
+                self.solver = statics.StaticSolver(terms, q, bcs, space=cloth.shell)
+        works = [term for term in self.solver.terms if isinstance(term, InternalWork)]
+        self.unknowns, self.batches = self.solver.begin().getSize(), sum(len(work.parts) for work in works)
+        arrays = [array for law in points for array in (law.history.committed, law.history.trial)]
         if self.run is not None:
             moved = self.run.motion
             arrays += [*moved.accepted.values(), moved.velocity.x.array, moved.acceleration.x.array]
@@ -186,18 +183,17 @@ class Built:
             return weakform.pressure(p, cloth.u, cloth.v, dx)
         return weakform.surface_traction(ufl.as_vector([0.0, 0.0, p]), cloth.v, dx)
 
-    def _move(self, scene, cloth, residual, bcs, external):
+    def _move(self, scene, cloth, terms, bcs):
         moved = motion.Motion(cloth.q, cloth.mass(AREAL_MASS, scene.rotary), cloth.shell, damping=scene.damping)
-        damping = None
         if scene.stiff_damping:
             C = H * cloth.law.stiffness
             damping = weakform.stiffness_damping(
                 scene.stiff_damping, C, cloth.strain, cloth.q, moved.velocity, cloth.v, cloth.dx
             )
-            residual = residual + damping
-        run = newmark.Newmark(moved, residual, bcs, (), self._pull, works=cloth.works)
+            terms = [*terms, damping]
+        run = newmark.Newmark(moved, terms, bcs, set_load=self._pull)
         if scene.ledger:
-            energy.Ledger(run, external, cloth.stored, (), damping)
+            energy.Ledger(run)
         self.run, self.solver = run, run.solver
 
     def _pull(self, t):

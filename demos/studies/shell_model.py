@@ -15,7 +15,7 @@ from fabric_fenicsx.errors import InputError, StepFailed
 from fabric_fenicsx.laws.svk import StVenantKirchhoff
 from fabric_fenicsx.output import pictures, results
 from fabric_fenicsx.shell import directors
-from fabric_fenicsx.solvers import continuation, statics
+from fabric_fenicsx.solvers import continuation
 from fabric_fenicsx.surfaces import meshing
 from fabric_fenicsx.terms import supports, weakform
 
@@ -70,10 +70,10 @@ class Shell:
             raise InputError("Only strips can be skewed: end_shear, roll_up, heavy_elastica, locking.")
         G = shear_factor * E / (2 * (1 + nu))
         law = StVenantKirchhoff.isotropic(E, nu)
-        shell = sheet.Sheet(self.domain, law, thickness, (G, G), warp, element=element)
-        self.space, self.q, self.works = shell.space, shell.q, shell.works
+        self.sheet = shell = sheet.Sheet(self.domain, law, thickness, (G, G), warp, element=element)
+        self.space, self.q = shell.space, shell.q
         self.u, self.d, self.v, self.w = shell.u, shell.director, shell.v, shell.delta
-        self.load, self.bcs, self.residual = fem.Constant(self.mesh, 0.0), [], 0
+        self.load, self.bcs, self.loads = fem.Constant(self.mesh, 0.0), [], 0
 
     def clamp(self, group):
         """Hold displacement and director of an edge."""
@@ -90,20 +90,20 @@ class Shell:
 
     def line_force(self, group, force):
         """A dead force per length of an edge."""
-        self.residual -= weakform.traction(self.force(force), self.v, supports.over(self.domain, group, 2))
+        self.loads += weakform.traction(self.force(force), self.v, supports.over(self.domain, group, 2))
 
     def point_force(self, group, force):
         """A dead force at a point."""
-        self.residual -= weakform.point_force(self.force(force), self.v, supports.over(self.domain, group, 0))
+        self.loads += weakform.point_force(self.force(force), self.v, supports.over(self.domain, group, 0))
 
     def area_force(self, force):
         """A dead force per area."""
-        self.residual -= weakform.surface_traction(self.force(force), self.v, self.space.dx)
+        self.loads += weakform.surface_traction(self.force(force), self.v, self.space.dx)
 
     def edge_moment(self, group, moment):
         """A dead moment per length of an edge."""
         ds = supports.over(self.domain, group, 1)
-        self.residual -= weakform.edge_moment(self.force(moment), self.d, self.w, ds)
+        self.loads += weakform.edge_moment(self.force(moment), self.d, self.w, ds)
 
     def force(self, vector):
         """A vector that grows with the load."""
@@ -115,9 +115,7 @@ class Shell:
 
     def solver(self):
         """Newton on this shell, patient: at its start a thin shell is far from balance."""
-        return statics.StaticSolver(
-            self.residual, self.q, self.bcs, space=self.space, works=self.works, options={"snes_max_it": 50}
-        )
+        return self.sheet.equilibrium(self.bcs, self.loads, options={"snes_max_it": 50})
 
     def picture(self, path, title, full=1.0, drawn=1.0):
         """Draw the deformed shell, coloured by how far it moved.

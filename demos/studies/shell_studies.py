@@ -19,7 +19,7 @@ from fabric_fenicsx.laws.woven import Woven
 from fabric_fenicsx.shell import assumed_strain, directors
 from fabric_fenicsx.solvers import statics
 from fabric_fenicsx.surfaces import meshing
-from fabric_fenicsx.terms import hook, supports, weakform
+from fabric_fenicsx.terms import supports, weakform
 from fabric_fenicsx.terms.work import InternalWork
 
 SLENDER = (1e-2, 1e-3, 1e-4, 1e-5, 1e-6)
@@ -118,7 +118,7 @@ TARGETS = {"elastic": 6.0, "fabric": 9.0}
 
 
 def sheet(element, law, cells):
-    """A square sheet of blend, 1 m, clamped at one edge, under 1e-6 of its weight: space, solver, hook or None."""
+    """A square sheet of blend, 1 m, clamped at one edge, under 1e-6 of its weight: space, solver, its work."""
     fabric = fabrics.load("blend")
     domain = meshing.read(meshing.MESHES / "strip.geo", nx=cells, ny=cells, length=1.0, width=1.0,
                           triangles=int(directors.ELEMENTS[element][0] == "triangle"))  # fmt: skip
@@ -128,23 +128,21 @@ def sheet(element, law, cells):
     thickness = fem.Constant(domain.mesh, fabric.thickness)
     if law == "elastic":
         section = Section(StVenantKirchhoff.from_fabric(fabric), fabric.thickness)
-        hooks, stress = [], fem.Constant(domain.mesh, section.elastic(section.law.stiffness))
+        response = fem.Constant(domain.mesh, section.elastic(section.law.stiffness))
     else:
-        section = Section(Woven(fabric), fabric.thickness, layers=3)
-        stress = hook.LawHook(section, strain, domain.mesh, directors.DEGREE)
-        hooks = [stress]
+        response = Section(Woven(fabric), fabric.thickness, layers=3)
     G = StVenantKirchhoff.from_fabric(fabric).stiffness[2, 2]
     across = weakform.shear_stiffness(domain.mesh, (G, G), thickness)
-    works = [InternalWork(space, q, strain, stress, space.dx), InternalWork(space, q, shear, across, space.dx_shear)]
+    work = InternalWork(space, q, [(strain, response, space.dx), (shear, across, space.dx_shear)])
     weight = ufl.as_vector([0.0, 0.0, -1e-5 * fabric.density * fabric.thickness])
-    load = -weakform.surface_traction(weight, ufl.split(test)[0], space.dx)
+    load = weakform.surface_traction(weight, ufl.split(test)[0], space.dx)
     bcs = supports.clamp(domain, space, "fixed_end")
-    return space, statics.StaticSolver(load, q, bcs, space=space, works=works), hooks
+    return space, statics.StaticSolver([work, -load], q, bcs, space=space), work
 
 
 def cost_row(element, law, cells, repeats=40):
     """The parts of the fastest of some Newton iterations, us of processor time per unknown."""
-    space, solver, hooks = sheet(element, law, cells)
+    space, solver, work = sheet(element, law, cells)
     solver.solve()
     solver.commit()
     x = solver.begin()
@@ -153,12 +151,11 @@ def cost_row(element, law, cells, repeats=40):
     for _ in range(repeats + 1):
         clock = [time.process_time()]
         space.turn(y, solver.u)
-        for own in hooks:
-            own.evaluate()
+        work.evaluate()
         clock.append(time.process_time())
         residual = solver.residual(x)
         clock.append(time.process_time())
-        solver.assemble_stiffness()
+        solver.tangent.sum_up()
         clock.append(time.process_time())
         ksp = solver.factorised()
         clock.append(time.process_time())

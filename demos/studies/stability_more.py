@@ -54,8 +54,8 @@ def explicit_steps(quick):
     def fall(factor, forced=False):
         cloth, areal_mass, weight, bcs = falling(StVenantKirchhoff.from_fabric(BLEND))
         moved = motion.Motion(cloth.q, cloth.mass(areal_mass, "cell"), cloth.shell)
-        run = explicit.CentralDifference(moved, -weight, bcs, works=cloth.works)
-        ledger = energy.Ledger(run, weight, cloth.stored)
+        run = explicit.CentralDifference(moved, [*cloth.terms, -weight], bcs)
+        ledger = energy.Ledger(run)
         stable, every = run.stable, 0.01
         if forced:
             run.stable = np.inf

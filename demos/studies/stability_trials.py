@@ -87,7 +87,7 @@ def cycle(turns=(1.0, 0.0), steps=8, way="warp", **settings):
     for turn in turns:
         path += [*np.linspace(path[-1], turn * fabric.displacement[way], steps + 1)[1:]]
     strip, iterations, cuts = pulled(path[1:], **settings)
-    finite = bool(np.isfinite(strip.hook.resultants).all())
+    finite = bool(np.isfinite(strip.points.stress).all())
     return f"{iterations / (len(path) - 1):.1f} iterations a step, {cuts} cuts", finite
 
 
@@ -190,7 +190,7 @@ def rotation(quick):
 
         angles = 6 * np.pi * np.arange(1, steps + 1) / steps
         cuts = sum(step.step_cuts for step in statics.march(solver, turn, angles))
-        strain = np.abs(cloth.hooks[0].strain[..., :3]).max()
+        strain = np.abs(cloth.points[0].strain[..., :3]).max()
         return f"largest strain left {strain:.1e}, {cuts} cuts", bool(strain < 1e-9)
 
     for steps in (18,) if quick else (72, 36, 18, 12, 8, 6):

@@ -29,7 +29,6 @@ from fabric_fenicsx.app import command
 from fabric_fenicsx.laws import named
 from fabric_fenicsx.laws.stability import acoustic
 from fabric_fenicsx.output import results
-from fabric_fenicsx.terms.hook import History
 
 STEPS = [10, 20, 40, 80, 160]
 
@@ -59,7 +58,7 @@ def fresh(scene):
     """A scene as it was before its first step."""
     u, solver, fabric, *_ = scene
     u.x.array[:] = 0.0
-    fabric.history = History(fabric.law.initial_state, len(fabric.history.committed))
+    fabric.begin(fabric.law)
     solver.commit()
     return scene
 

@@ -155,7 +155,7 @@ class _Search:
             self.largest = 0.0
             for _ in statics.march(scene.solver, scene.pull, list(path)):
                 forces.append(scene.solver.reaction(scene.ends[1]))
-                self.largest = max(self.largest, float(np.abs(scene.hook.strain[..., 2]).max()) / 2)
+                self.largest = max(self.largest, float(np.abs(scene.points.strain[..., 2]).max()) / 2)
         return curves.piola_kirchhoff(np.array(forces), path, strip.gauge_length, strip.area)
 
     def _unloading(self, modulus: tuple[float, ...]) -> Estimate | None:

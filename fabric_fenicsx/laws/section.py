@@ -27,6 +27,9 @@ class Section:
     thickness in m; layers: number of points, at least 2 for the section to bend. Raises InputError.
     """
 
+    spares_tangent = True
+    """`respond` can leave the tangent out."""
+
     def __init__(self, law: Law, thickness: float, layers: int = 3, quadratic: bool = False) -> None:
         if not (np.isfinite(thickness) and thickness > 0):
             raise InputError(f"A thickness of {thickness!r} m is not a positive number.")

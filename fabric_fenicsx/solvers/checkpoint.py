@@ -18,27 +18,31 @@ from typing import Any, Protocol
 
 import numpy as np
 from mpi4py import MPI
-from dolfinx import fem
 
 from ..errors import InputError, StepFailed
 from ..laws import Array
 
-FORMAT = 2
+FORMAT = 3
 EVERY = 60.0
 """Time from one checkpoint to the next, s: what a run loses at most."""
 SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+
+
+type Field = tuple[str, np.ndarray | None, Array]
+"""Name, and a local array of unknowns with None, or local cells and an array with a row for each."""
 
 
 class Run(Protocol):
     """What can be saved: `newmark.Newmark` and `explicit.CentralDifference`."""
 
     comm: MPI.Comm
+    motion: Any
     pause: Callable[[], None]
     """Is called on every rank between two steps, when the last one has been dealt with."""
 
     def numbers(self) -> dict[str, float]: ...
     def set_numbers(self, numbers: dict[str, float]) -> None: ...
-    def fields(self) -> tuple[fem.FunctionSpace, list[tuple[str, str, Array]]]: ...
+    def fields(self) -> list[Field]: ...
     def renew(self) -> None: ...
 
 
@@ -49,22 +53,24 @@ def save(path: str | Path, run: Run, marks: Mapping[str, object] | None = None) 
     The file is there in whole or not at all, and the one that was there before is kept as `before(path)`. Raises, on
     every rank, InputError if it cannot be written, and StepFailed for a state that is not finite.
     """
-    space, fields = run.fields()
-    mesh, path = space.mesh, Path(path)
-    owned = mesh.topology.index_map(mesh.topology.dim).size_local
-    order = np.array(mesh.topology.original_cell_index[:owned])
-    parts = {name: _rows(space, kind, array)[:owned] for name, kind, array in fields}
+    fields, mesh, path = run.fields(), run.motion.q.function_space.mesh, Path(path)
+    parts = {name: _rows(run, cells, array) for name, cells, array in fields}
     numbers = run.numbers()
-    bad = [name for name, rows in (parts | numbers).items() if not np.isfinite(rows).all()]
+    bad = [name for name, (_, rows) in parts.items() if not np.isfinite(rows).all()]
+    bad += [name for name, value in numbers.items() if not np.isfinite(value)]
     bad = sorted(set().union(*run.comm.allgather(bad)))
     if bad:
         raise StepFailed(f"The state is not finite ({', '.join(bad)}) and is not saved in {str(path)!r}.")
-    gathered = run.comm.gather((order, parts), 0)
+    gathered = run.comm.gather(parts, 0)
     mark, fault = identity(mesh), None
     if gathered is not None:
-        gathered = [rank for rank in gathered if len(rank[0])]
-        place = np.argsort(np.concatenate([rank[0] for rank in gathered]))
-        content = {f"cell_{name}": np.concatenate([rank[1][name] for rank in gathered])[place] for name in parts}
+        content = {}
+        for name in parts:
+            ranks = [rank[name] for rank in gathered if len(rank[name][0])]
+            numbered = np.concatenate([of for of, _ in ranks]) if ranks else np.empty(0, dtype=np.int64)
+            place = np.argsort(numbered)
+            content[f"of_{name}"] = numbered[place]
+            content[f"cell_{name}"] = np.concatenate([rows for _, rows in ranks])[place] if ranks else np.empty((0, 0))
         content |= {"format": np.array(FORMAT), "mesh": np.array(mark), "marks": np.array(_text(marks))}
         content |= {"names": np.array(list(numbers)), "numbers": np.array([*map(float, numbers.values())])}
         fault = _write(path, content)
@@ -78,18 +84,18 @@ def load(path: str | Path, run: Run, marks: Mapping[str, object] | None = None) 
 
     Raises InputError, on every rank, for a file that is none, or that belongs to another run, with the difference.
     """
-    space, fields = run.fields()
-    mesh = space.mesh
+    fields, mesh = run.fields(), run.motion.q.function_space.mesh
     mark, data = identity(mesh), _read(Path(path))
-    fault = (
-        data if isinstance(data, str) else _misfit(data, space, fields, run.numbers(), mark, json.loads(_text(marks)))
-    )
+    fault = data if isinstance(data, str) else _misfit(data, run, fields, mark, json.loads(_text(marks)))
     fault = next((said for said in run.comm.allgather(fault) if said), None)
     if fault or isinstance(data, str):
         raise InputError(f"The checkpoint {str(path)!r} does not fit: {fault}.")
-    order = mesh.topology.original_cell_index
-    for name, kind, array in fields:
-        _set_rows(space, kind, array, data[f"cell_{name}"][order])
+    for name, cells, array in fields:
+        rows = data[f"cell_{name}"][np.searchsorted(data[f"of_{name}"], _numbers(run, cells))]
+        if cells is None:
+            array[_index(run)] = rows
+        elif len(rows):
+            array[:] = rows
     run.set_numbers(dict(zip(map(str, data["names"]), map(float, data["numbers"]), strict=True)))
     run.renew()
 
@@ -234,16 +240,9 @@ def _read(path: Path) -> dict[str, np.ndarray] | str:
         return "it cannot be read (no checkpoint)"
 
 
-def _misfit(
-    data: dict[str, np.ndarray],
-    space: fem.FunctionSpace,
-    fields: list[tuple[str, str, Array]],
-    wanted: dict[str, float],
-    mark: str,
-    marks: dict[str, str],
-) -> str | None:
+def _misfit(data: dict[str, np.ndarray], run: Run, fields: list[Field], mark: str, marks: dict[str, str]) -> str | None:
     """Why a file is not of this run, or not whole."""
-    cells = space.mesh.topology.index_map(space.mesh.topology.dim).size_global
+    wanted = run.numbers()
     missing = {"format", "mesh", "marks", "names", "numbers"} - data.keys()
     if "format" in data and str(data["format"]) != str(FORMAT):
         return f"it has format {data['format']}, not {FORMAT}"
@@ -260,12 +259,16 @@ def _misfit(
     if said:
         more = f", and {len(other) - 3} more" if len(other) > 3 else ""
         return f"it was made with {'; '.join(said)}{more}"
-    if any(f"cell_{name}" not in data for name, *_ in fields) or {*map(str, data["names"].ravel())} != wanted.keys():
+    there = all({f"cell_{name}", f"of_{name}"} <= data.keys() for name, *_ in fields)
+    if not there or {*map(str, data["names"].ravel())} != wanted.keys():
         return "the law, the shell or the energy account is another"
-    for name, kind, array in fields:
+    for name, cells, array in fields:
+        rows, of = data[f"cell_{name}"], data[f"of_{name}"]
+        width = _index(run).shape[1] if cells is None else array.shape[1]
+        right = rows.dtype == np.float64 and rows.ndim == 2 and of.dtype.kind == "i" and of.shape == rows.shape[:1]
         # a rank without cells cannot tell how long a row is
-        rows, row = data[f"cell_{name}"], _rows(space, kind, array).shape[1:]
-        if rows.dtype != np.float64 or rows.ndim != 2 or rows.shape[:1] != (cells,) or row not in ((), rows.shape[1:]):
+        local = _numbers(run, cells)
+        if not right or (len(local) and rows.shape[1] != width) or not np.isin(local, of).all():
             return f"its {name} has another size or type: the law, the layers or the element are others"
     numbers = data["numbers"]
     if numbers.dtype != np.float64 or numbers.shape != (len(wanted),) or data["names"].shape != (len(wanted),):
@@ -274,22 +277,24 @@ def _misfit(
     return f"it holds what is not finite ({', '.join(bad)})" if bad else None
 
 
-def _index(space: fem.FunctionSpace) -> np.ndarray:
+def _index(run: Run) -> np.ndarray:
     """Unrolled local unknowns of each cell."""
-    dofs, bs = space.dofmap.list, space.dofmap.bs
+    dofmap = run.motion.q.function_space.dofmap
+    dofs, bs = dofmap.list, dofmap.bs
     return (dofs[..., None] * bs + np.arange(bs)).reshape(len(dofs), dofs.shape[1] * bs)
 
 
-def _rows(space: fem.FunctionSpace, kind: str, array: Array) -> Array:
-    """A row for each local cell: of the unknowns of the space, or of as many equal parts as there are cells."""
-    index = _index(space)
-    if kind == "unknowns":
-        return array[index]
-    return array.reshape(len(index), -1) if len(index) else np.empty(0)
+def _numbers(run: Run, cells: np.ndarray | None) -> np.ndarray:
+    """Numbers of local cells, by default all, in the mesh's own file."""
+    order = run.motion.q.function_space.mesh.topology.original_cell_index
+    return np.asarray(order if cells is None else order[cells])
 
 
-def _set_rows(space: fem.FunctionSpace, kind: str, array: Array, rows: Array) -> None:
-    if kind == "unknowns":
-        array[_index(space)] = rows
-    elif len(rows):
-        array.reshape(len(rows), -1)[:] = rows
+def _rows(run: Run, cells: np.ndarray | None, array: Array) -> tuple[np.ndarray, Array]:
+    """Numbers in the mesh's own file of this rank's own cells that have values, and a row of values for each."""
+    topology = run.motion.q.function_space.mesh.topology
+    owned = topology.index_map(topology.dim).size_local
+    if cells is None:
+        cells, array = np.arange(owned), array[_index(run)[:owned]]
+    own = cells < owned
+    return _numbers(run, cells[own]), array[: np.count_nonzero(own)]

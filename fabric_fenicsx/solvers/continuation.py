@@ -31,7 +31,7 @@ class Solver(Protocol):
     def aim(self) -> None: ...
     def residual(self, x: Any) -> Any: ...
     def assemble(self, x: Any, b: Any) -> None: ...
-    def factorised(self) -> Any: ...
+    def factorised(self, *right: Any) -> Any: ...
     def converged(self, snes: Any, iteration: int, norms: tuple[float, float, float]) -> int | None: ...
     def failure(self, reason: str) -> StepFailed: ...
 
@@ -235,11 +235,13 @@ def _next_step(
             raise solver.failure("the path turned back")
         if not np.isfinite(norm):
             raise solver.failure("residual is not a number")
-        ksp = solver.factorised()
         residual = residual.copy()
         put(load + rise + unit)
         solver.assemble(x, slope)
         slope.axpy(-1.0, residual)
+        put(load + rise)
+        solver.assemble(x, by_load)  # the matrix is that of the present load
+        ksp = solver.factorised(residual, slope)
         ksp.solve(residual, by_residual)
         solved = ksp.getConvergedReason() > 0
         ksp.solve(slope, by_load)

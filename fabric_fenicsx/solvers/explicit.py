@@ -7,20 +7,18 @@ sphere by the angle of a step.
 import math
 import time
 from collections.abc import Callable, Iterator, Sequence
-from typing import Any
 
 import numba
 import numpy as np
 from dolfinx import fem, la
 from petsc4py import PETSc
-from ufl.form import Form
 
 from ..errors import InputError, StepFailed
 from ..laws import Array
 from ..shell.dirichlet import check
-from ..terms.hook import LawHook, plain
-from ..terms.work import InternalWork
+from ..terms.term import Residual
 from . import stable_step
+from .checkpoint import Field
 from .continuation import Step, progress_bar
 from .motion import Motion
 from .stepper import Stepper
@@ -34,38 +32,29 @@ WEIGH = 20
 class CentralDifference(Stepper):
     """M a + residual(q, velocity) = 0 at the start of every step; a Python type of PETSc's TS, which is `ts`.
 
-    motion, residual, bcs, hooks, works, set_load, start: as for `newmark.Newmark`. Directors should have the inertia
-    of a cell (`Sheet.mass`): with that of the thickness the step is shorter by half.
-
     `stable` is the largest stable step in s, 2/omega of the fastest oscillation with the stiffest tangent that the law
     tells (`stiffest`, else the one at rest) on the present shape, by power iteration.
+
+    Args:
+        motion, residual, bcs, set_load, start: as for `newmark.Newmark`. Directors should have the inertia of a cell
+            (`Sheet.mass`): with that of the thickness the step is shorter by half.
     """
 
     def __init__(
         self,
         motion: Motion,
-        residual: Form | int,
+        residual: Residual,
         bcs: Sequence[fem.DirichletBC],
-        hooks: Sequence[LawHook] = (),
+        *,
         set_load: Callable[[float], None] = lambda t: None,
         start: float = 0.0,
-        works: Sequence[InternalWork] = (),
     ) -> None:
-        super().__init__(motion, bcs, set_load, start)
-        self.hooks = (*hooks, *(work.hook for work in works if work.hook is not None))
-        self.works, self.q, self.V = tuple(works), motion.q, motion.q.function_space
-        self._form: fem.Form | None = None
-        self._dead: list[Any] | None = None
-        if isinstance(residual, Form):
-            residual = plain(residual, self.hooks)
-            self._form, given = fem.form(residual), [*residual.constants(), *residual.coefficients()]
-            moving = {self.q, motion.velocity, *(hook.stress.ref_coefficient for hook in self.hooks)}
-            self._dead = None if moving.intersection(given) else given
+        super().__init__(motion, residual, bcs, set_load, start)
+        self.q, self.V = motion.q, motion.q.function_space
         if motion.space is not None:
             start = motion.space.function().x.array
             motion.space.supports(bcs)
             self.q.x.array[:] += motion.space.function().x.array - start
-        self._load, self._known = np.zeros_like(self.q.x.array), np.full(1, np.nan)
         self._force = la.vector(self.V.dofmap.index_map, self.V.dofmap.index_map_bs)
         self._given_v = self._given_a = np.zeros(len(motion.given))
         self.directors = np.empty((0, 3), dtype=np.int32) if motion.space is None else motion.space.nodes
@@ -84,18 +73,16 @@ class CentralDifference(Stepper):
 
     # -- what a checkpoint asks for -------------------------------------------------------------------------------
 
-    def fields(self) -> tuple[fem.FunctionSpace, list[tuple[str, str, Array]]]:
+    def fields(self) -> list[Field]:
         """The arrays of the last step; see `checkpoint`."""
-        motion = self.motion
-        moved = zip(("q", "v", "a"), (self.q, motion.velocity, motion.acceleration), strict=True)
-        result = [(name, "unknowns", function.x.array) for name, function in moved]
-        for k, hook in enumerate(self.hooks):
-            result.append((f"history{k}", "cells", hook.history.committed.reshape(-1)))
-        return self.V, result
+        moved = zip(("q", "v", "a"), (self.q, self.motion.velocity, self.motion.acceleration), strict=True)
+        return [(name, None, function.x.array) for name, function in moved] + super().fields()
 
     def renew(self) -> None:
         """Go on from what has been put into `fields` and `numbers`."""
         self.set_load(self.time)
+        for term in self.terms:
+            term.renew()
         self.evaluate()
         self._go_on()
 
@@ -108,31 +95,16 @@ class CentralDifference(Stepper):
         """Number of the unknowns that are this rank's own; they come first."""
         return int(self.V.dofmap.index_map.size_local * self.V.dofmap.index_map_bs)
 
-    def evaluate(self) -> Array:
-        """Residual at the present q and velocity, local array, complete on ghosts too."""
-        for hook in self.hooks:
-            hook.evaluate(tangent=False)
+    def evaluate(self, stiffest: bool = False) -> Array:
+        """Residual at the present q and velocity, local array, complete on ghosts too; see `Term.evaluate`."""
         force = self._force.array
-        force[:] = self._loads()
-        for work in self.works:
-            work.add_force(force)
+        force[:] = 0.0
+        for term in self.terms:
+            term.evaluate(tangent=False, stiffest=stiffest)
+            term.add_force(force)
         self._force.scatter_reverse(la.InsertMode.add)
         self._force.scatter_forward()
         return np.asarray(force)
-
-    def _loads(self) -> Array:
-        """What is not in `works`; dead loads are assembled anew only where they have changed."""
-        if self._form is None:
-            return self._load
-        if self._dead is not None:
-            parts = [np.ravel(c.value) if isinstance(c, fem.Constant) else c.x.array for c in self._dead]
-            known = np.concatenate([*parts, [0.0]])
-            if np.array_equal(known, self._known):
-                return self._load
-            self._known = known
-        self._load[:] = 0.0
-        fem.assemble_vector(self._load, self._form)
-        return self._load
 
     def step(self, ts: PETSc.TS) -> None:
         """One step of `ts`'s length; never raises."""
@@ -145,24 +117,21 @@ class CentralDifference(Stepper):
         force = self.evaluate()
         np.divide(force, self.mass, out=a)
         a *= -1.0
-        if motion.damping > 0.0:
-            a -= motion.damping * v
         a[motion.given] = self._given_a
         self.lay(a, q)
         v += 0.5 * dt * a
         v[motion.given] = self._given_v
         if self.ledger is not None and self._weighs:
             self.ledger.weigh()
+        for term in self.terms:
+            term.commit()
+        if self.ledger is not None and self._weighs:
             self.ledger.accept()
-        for hook in self.hooks:
-            hook.commit()
         ts.setTime(self.time)
 
     def forces(self) -> Array:
         """M a + residual in N at the owned unknowns: at supports, the reactions."""
-        total = self._force.array + self.mass * (
-            self.motion.acceleration.x.array + self.motion.damping * self.motion.velocity.x.array
-        )
+        total = self._force.array + self.mass * self.motion.acceleration.x.array
         return np.asarray(total[: self.owned])
 
     def lag(self) -> float:
@@ -184,7 +153,7 @@ class CentralDifference(Stepper):
         self._move_supports(dt)
         motion.velocity.x.array[motion.given] = self._given_v
         a = motion.acceleration.x.array
-        a[:] = -self.evaluate() / self.mass - motion.damping * motion.velocity.x.array
+        a[:] = -self.evaluate() / self.mass
         a[motion.given] = self._given_a
         self.lay(a, self.q.x.array)
         if self.ledger is not None:
@@ -223,10 +192,7 @@ class CentralDifference(Stepper):
                 self.pause()
 
     def _arrays(self) -> list[Array]:
-        motion = self.motion
-        return [f.x.array for f in (self.q, motion.velocity, motion.acceleration)] + [
-            hook.history.committed for hook in self.hooks
-        ]
+        return [array for _, _, array in self.fields()]
 
     def _judge(self, good: list[Array], begun: float) -> None:
         """Raise StepFailed if the motion is no longer one, with the last good state in place."""

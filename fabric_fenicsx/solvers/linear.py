@@ -1,6 +1,7 @@
 """How the linear system of a Newton iteration is solved: PETSc options, and what its solvers are to know of a sheet."""
 
 import itertools
+import weakref
 
 import numpy as np
 from dolfinx import fem, la
@@ -50,32 +51,36 @@ LU; on 340 x 340, 26 in 1.2 times its time, and 5.6 GB instead of 7.1. With "reg
 """
 
 
+MUMPS: Options = {"mat_mumps_icntl_6": 0, "mat_mumps_icntl_8": 1}
+"""A stiffness has a diagonal: MUMPS need look for no other, and scale by it. That saves 10 to 20 % of the time."""
+
+SMALL: Options = {"mat_mumps_icntl_7": 2}
+"""An ordering by least fill (AMF) saves as much; from 10 000 unknowns on MUMPS's own choice is better."""
+
 _number = itertools.count()
 
 
 def configure(snes: PETSc.SNES, A: PETSc.Mat, options: Options) -> None:
     """Give a SNES its options, under a prefix of its own; A: its Jacobian.
 
-    MUMPS is told that a stiffness has a diagonal: it need look for no other, and scale by it. That saves a tenth to a
-    fifth of the time, and so does an ordering by least fill (AMF) for small sheets; from 10 000 unknowns on MUMPS's own
-    choice is better.
+    As options they outlive a change of the pattern, with which MUMPS starts anew.
     """
     prefix = f"statics{next(_number)}_"
     snes.setOptionsPrefix(prefix)
     store = PETSc.Options(prefix)
-    for name, value in options.items():
-        if value is not None:
-            store[name] = value
+    # on several ranks its tree is too slender: 1.2 times as fast on two, 1.65 with MUMPS's own (40 x 40 cells)
+    small = A.size[0] < 10000 and A.comm.size == 1
+    every = MUMPS | (SMALL if small else {}) | options
+    given = {name: value for name, value in every.items() if value is not None}
+    for name, value in given.items():
+        store[name] = value
     snes.setFromOptions()
-    pc = snes.ksp.getPC()
-    if pc.getType() == "lu" and pc.getFactorSolverType() == "mumps":
-        snes.ksp.setOperators(A)
-        pc.setFactorSetUpSolverType()
-        pc.getFactorMatrix().setMumpsIcntl(6, 0)
-        pc.getFactorMatrix().setMumpsIcntl(8, 1)
-        # on several ranks its tree is too slender: 1.2 times as fast on two, 1.65 with MUMPS's own (40 x 40 cells)
-        if A.size[0] < 10000 and A.comm.size == 1:
-            pc.getFactorMatrix().setMumpsIcntl(7, 2)
+    weakref.finalize(snes, _forget, store, list(given))
+
+
+def _forget(store: PETSc.Options, names: list[str]) -> None:
+    for name in names:
+        store.delValue(name)
 
 
 class RigidMotions:

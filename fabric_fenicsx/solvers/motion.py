@@ -22,17 +22,24 @@ from ufl.form import Form
 from ..errors import InputError
 from ..laws import Array
 from ..shell.directors import ShellSpace
+from ..terms.term import Indices, Term
 
 
 class Motion:
     """The unknown q, its velocity and its stage acceleration, with a constant mass matrix.
 
-    q: displacement, or (u, d) of the shell `space`. mass: bilinear form of the mass, see `weakform.inertia`.
-    rho: see above; newmark = (beta, gamma) instead of it, with equilibrium of a1 itself. damping: a, in 1/s, of
-    the part a M of Rayleigh's damping (Box 5-2); for the part b K see `weakform.stiffness_damping`. lumped: see
-    `lump`.
-
     In forms: `velocity`. Vectors and arrays are those of the space of q. Raises InputError.
+
+    Args:
+        q: displacement, or (u, d) of the shell `space`.
+        mass: bilinear form of the mass, see `weakform.inertia`.
+        space: of a shell.
+        rho: see above.
+        newmark: (beta, gamma) instead of rho, with equilibrium of a1 itself.
+        damping: a, in 1/s, of the part a M of Rayleigh's damping (Box 5-2); for the part b K see
+            `weakform.stiffness_damping`.
+        lumped: see `lump`.
+        velocity: a Function of the space of q, which forces that depend on the velocity already hold.
     """
 
     def __init__(
@@ -40,10 +47,12 @@ class Motion:
         q: fem.Function,
         mass: Form,
         space: ShellSpace | None = None,
+        *,
         rho: float = 1.0,
         newmark: tuple[float, float] | None = None,
         damping: float = 0.0,
         lumped: bool = False,
+        velocity: fem.Function | None = None,
     ) -> None:
         if not 0.0 <= rho <= 1.0:
             raise InputError(f"rho must be from 0 (most dissipation) to 1 (none), not {rho!r}.")
@@ -59,7 +68,8 @@ class Motion:
             raise InputError(f"The damping must be a number of 1/s that is not negative, not {damping!r}.")
         self.q, self.space, self.damping = q, space, damping
         V = q.function_space
-        self.velocity, self.acceleration = fem.Function(V, name="velocity"), fem.Function(V, name="acceleration")
+        self.velocity = velocity if velocity is not None else fem.Function(V, name="velocity")
+        self.acceleration = fem.Function(V, name="acceleration")
         self.accepted = {
             "q": q.x.array.copy(),
             "v": self.velocity.x.array.copy(),
@@ -79,9 +89,9 @@ class Motion:
         self.rate = fem.Constant(V.mesh, 0.0)
         """Derivative of the velocity by q, 1/s."""
         self.shift = 0.0
-        """Derivative of (stage acceleration + damping times velocity) by q, 1/s2."""
+        """Derivative of the stage acceleration by q, 1/s2."""
         self.dt = 0.0
-        self._force, self._rates = fempetsc.create_vector(V), fempetsc.create_vector(V)
+        self._force = fempetsc.create_vector(V)
 
     def lump(self) -> Array:
         """Lumped mass of each local unknown: the diagonal of the mass matrix, scaled to keep its total.
@@ -104,7 +114,7 @@ class Motion:
         """Before a step of dt in s; given: velocity and acceleration of the `given` unknowns at its end."""
         self.dt, (self._given_v, self._given_a) = dt, given
         self.rate.value = self.gamma / (self.beta * dt)
-        self.shift = self.alpha_m / (self.beta * dt**2) + self.damping * self.rate.value
+        self.shift = self.alpha_m / (self.beta * dt**2)
 
     def follow(self) -> None:
         """Velocity and stage acceleration that belong to the present q."""
@@ -124,14 +134,9 @@ class Motion:
         # with alpha_m above 1, a0 and a1 lag behind their times, and only the stage is at its own
         stage[self.given] = self._given_a
 
-    def inertia(self) -> PETSc.Vec:
-        """Force M (a + damping v) of the stage acceleration, N, valid until the next call."""
-        rates = self.acceleration.x.petsc_vec
-        if self.damping > 0.0:
-            rates.copy(self._rates)
-            rates = self._rates
-            rates.axpy(self.damping, self.velocity.x.petsc_vec)
-        self.mass.mult(rates, self._force)
+    def by_mass(self, rates: fem.Function) -> PETSc.Vec:
+        """Force M times velocity or acceleration, valid until the next call."""
+        self.mass.mult(rates.x.petsc_vec, self._force)
         return self._force
 
     def settle(self) -> None:
@@ -152,13 +157,13 @@ class Motion:
         self._a1[:] = self.acceleration.x.array[:] = acceleration
         self.commit()
 
-    def fields(self) -> list[tuple[str, str, Array]]:
+    def fields(self) -> list[tuple[str, None, Array]]:
         """What a checkpoint has to hold of it; see `checkpoint`."""
-        result = [(name, "unknowns", array) for name, array in self.accepted.items()]
-        result.append(("stage", "unknowns", self.acceleration.x.array))
+        result: list[tuple[str, None, Array]] = [(name, None, array) for name, array in self.accepted.items()]
+        result.append(("stage", None, self.acceleration.x.array))
         if self.space is not None:
             self._axes = self.space.axes()
-            result += [("e1", "unknowns", self._axes[0]), ("d0", "unknowns", self._axes[1])]
+            result += [("e1", None, self._axes[0]), ("d0", None, self._axes[1])]
         return result
 
     def renew(self) -> None:
@@ -170,10 +175,10 @@ class Motion:
 
     def kinetic(self) -> float:
         """Kinetic energy in J, over all ranks."""
-        v = self.velocity.x.petsc_vec
-        self.mass.mult(v, self._force)
+        v = self.velocity.x.petsc_vec.array_r
         # NumPy's sum, unlike BLAS's dot, does not depend on where in memory the numbers are
-        return 0.5 * float(self.q.function_space.mesh.comm.allreduce(np.sum(self._force.array_r * v.array_r)))
+        total = np.sum(self.by_mass(self.velocity).array_r * v)
+        return 0.5 * float(self.q.function_space.mesh.comm.allreduce(total))
 
     def lay_on_sphere(self, v: Array, a: Array) -> None:
         """Take from the velocity of directors what is along d, and give them the acceleration -|d'|^2 along it."""
@@ -184,3 +189,39 @@ class Motion:
         w -= (w * d).sum(axis=1, keepdims=True) * d
         along = (b * d).sum(axis=1, keepdims=True) + (w * w).sum(axis=1, keepdims=True)
         v[dofs], a[dofs] = w, b - along * d
+
+
+class Mass(Term):
+    """What goes with the mass of a motion: its inertia M a, or its damping a M v.
+
+    `size` is the largest of its nodal forces at the last `add_force`, N.
+    """
+
+    symmetric = True
+
+    def __init__(self, motion: Motion, *, damps: bool = False) -> None:
+        self.motion, self._damps, self.size = motion, damps, 0.0
+        if damps:
+            self.account = "damping"
+
+    def add_force(self, total: Array) -> None:
+        """See `Term.add_force`."""
+        force = self.motion.by_mass(self.motion.velocity if self._damps else self.motion.acceleration)
+        if self._damps:
+            force.scale(self.motion.damping)
+        total[: force.local_size] += force.array_r
+        self.size = force.norm(PETSc.NormType.NORM_INFINITY)
+
+    def pattern(self) -> tuple[Indices, Indices]:
+        """See `Term.pattern`."""
+        indptr, columns, values = self.motion.mass.getValuesCSR()
+        # most of the form's pattern couples what does not move together
+        there = values != 0.0
+        self._values = values[there]
+        rows = np.repeat(np.arange(*self.motion.mass.getOwnershipRange()), np.diff(indptr))
+        return rows[there], columns[there]
+
+    def add_stiffness(self, values: Array) -> None:
+        """See `Term.add_stiffness`."""
+        motion = self.motion
+        values += (motion.damping * float(motion.rate.value) if self._damps else motion.shift) * self._values

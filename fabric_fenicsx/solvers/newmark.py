@@ -11,12 +11,11 @@ from collections.abc import Callable, Iterator, Sequence
 import numpy as np
 from dolfinx import fem
 from petsc4py import PETSc
-from ufl.form import Form
 
 from ..errors import InputError, StepFailed
 from ..laws import Array
-from ..terms.hook import LawHook
-from ..terms.work import InternalWork
+from ..terms.term import Residual
+from .checkpoint import Field
 from .continuation import Step, progress_bar
 from .motion import Motion
 from .step import MovingSolver
@@ -25,7 +24,7 @@ from .stepper import Stepper
 OPTIONS: dict[str, object] = {"snes_max_it": 30}
 """PETSc options over those of `statics`."""
 KINKS: dict[str, object] = {"snes_linesearch_type": "secant"}
-"""Where a law has a hook: a sheet that unloads is full of kinks, where full steps overshoot.
+"""Where a term has kinks: a sheet that unloads is full of them, and full steps overshoot.
 
 Newton iterations a step and processor time, drape of blend held over patches, 20 x 20: secant 6.3, 23 s; cp 6.5, 21 s;
 bt 7.5, 21 s. In the poke, whose sheet goes slack and wrinkles, only secant goes all the way. Without kinks full steps
@@ -36,34 +35,36 @@ are best: 6.8 s for an elastic sheet, 8.9 with bt and 12.2 with secant.
 class Newmark(Stepper):
     """M a + residual(q, velocity) = 0 at the end of every step; a Python type of PETSc's TS, which is `ts`.
 
-    motion: the unknown and its rule. residual: UFL form, terms of `weakform` less the loads, without inertia. bcs,
-    hooks, works, rtol, options: as for `statics.StaticSolver`, which is `solver`. set_load(t): puts loads and Dirichlet
-    values at time t (s) into the scene; it is also asked a step beyond the end, since velocity and
-    acceleration of what is moved come from differences. start: time, s.
-
-    accuracy: with an `energy.Ledger`, a step that adds more to the imbalance of energy, as a part of the largest
-    external work so far, is cut like one that failed, once the sum is 5 times that; math.inf to take what comes.
-
     The history of a law moves when a step is accepted, and then only. At supports: `reaction`, `reaction_moment`.
+
+    Args:
+        motion: the unknown and its rule.
+        residual: without inertia; what holds `motion.velocity` damps. See `statics.StaticSolver`, which `solver` is.
+        bcs, rtol, options: as for `statics.StaticSolver`.
+        set_load: set_load(t) puts loads and Dirichlet values at time t (s) into the scene; it is also asked a step
+            beyond the end, since velocity and acceleration of what is moved come from differences.
+        start: time, s.
+        accuracy: with an `energy.Ledger`, a step that adds more to the imbalance of energy, as a part of the largest
+            external work so far, is cut like one that failed, once the sum is 5 times that; math.inf to take what
+            comes.
     """
 
     def __init__(
         self,
         motion: Motion,
-        residual: Form | int,
+        residual: Residual,
         bcs: Sequence[fem.DirichletBC],
-        hooks: Sequence[LawHook] = (),
+        *,
         set_load: Callable[[float], None] = lambda t: None,
         rtol: float = 1e-4,
         options: dict[str, object] | None = None,
         start: float = 0.0,
         accuracy: float = 8e-4,
-        works: Sequence[InternalWork] = (),
     ) -> None:
-        super().__init__(motion, bcs, set_load, start)
+        super().__init__(motion, residual, bcs, set_load, start)
         self.accuracy = accuracy
-        kinks = KINKS if hooks or any(work.hook for work in works) else {}
-        self.solver = MovingSolver(motion, residual, bcs, hooks, rtol, OPTIONS | kinks | (options or {}), works)
+        kinks = KINKS if any(term.has_kinks for term in self.terms) else {}
+        self.solver = MovingSolver(motion, self.terms, bcs, rtol=rtol, options=OPTIONS | kinks | (options or {}))
         self.fault: Exception | None = None
         self.iterations = self.cuts = 0
         self._part = 1.0
@@ -99,13 +100,9 @@ class Newmark(Stepper):
         super().set_numbers(numbers)
         self._part, self.solver.scale = numbers["part"], numbers["scale"]
 
-    def fields(self) -> tuple[fem.FunctionSpace, list[tuple[str, str, Array]]]:
+    def fields(self) -> list[Field]:
         """The arrays of the last accepted step; see `checkpoint`."""
-        result = self.motion.fields()
-        for k, hook in enumerate(self.solver.hooks):
-            result.append((f"history{k}", "cells", hook.history.committed.reshape(-1)))
-            result.append((f"stress{k}", "cells", hook.resultants.reshape(-1)))
-        return self.motion.q.function_space, result
+        return self.motion.fields() + super().fields()
 
     def renew(self) -> None:
         """Go on from what has been put into `fields` and `numbers`."""
@@ -149,9 +146,9 @@ class Newmark(Stepper):
             self._part /= 2
             ts.setTimeStep(dt / 2)
         self.linear_iterations = self.solver.linear_iterations
+        self.solver.commit()
         if self.ledger is not None:
             self.ledger.accept()
-        self.solver.commit()
         self.time = t
         ts.setTime(t)
 

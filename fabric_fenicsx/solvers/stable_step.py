@@ -1,8 +1,7 @@
 """The largest stable step of explicit motion."""
 
 import math
-from collections.abc import Sequence
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
 from mpi4py import MPI
@@ -23,23 +22,16 @@ class Run(Protocol):
     directors: np.ndarray
 
     @property
-    def hooks(self) -> Sequence[Any]: ...
-    @property
     def owned(self) -> int: ...
-    def evaluate(self) -> Array: ...
+    def evaluate(self, stiffest: bool = False) -> Array: ...
     def lay(self, values: Array, q: Array) -> None: ...
 
 
 def find(run: Run) -> float:
     """Largest stable step in s."""
-    laws = [hook.law for hook in run.hooks]
-    for hook in run.hooks:
-        hook.law = _Frozen(getattr(hook.law, "stiffest", hook.law))
     free = np.ones(len(run.mass))
     free[run.motion.given] = 0.0
     step = 2.0 / math.sqrt(fastest(run, free))
-    for hook, law in zip(run.hooks, laws, strict=True):
-        hook.law = law
     run.evaluate()
     return step
 
@@ -51,7 +43,7 @@ def fastest(run: Run, free: Array, iterations: int = 300) -> float:
     """
     size, comm = run.owned, run.comm
     start, x = run.q.x.array.copy(), _noise(run)
-    force, root, value = run.evaluate().copy(), np.sqrt(run.mass), 0.0
+    force, root, value = run.evaluate(stiffest=True).copy(), np.sqrt(run.mass), 0.0
     y = x.x.array * free * root
     for _ in range(iterations):
         norm = math.sqrt(comm.allreduce(float(y[:size] @ y[:size])))
@@ -59,7 +51,7 @@ def fastest(run: Run, free: Array, iterations: int = 300) -> float:
         run.lay(move, start)
         scale = 1e-7 * _length(run) / max(comm.allreduce(np.abs(move).max(initial=0.0), MPI.MAX), 1e-300)
         run.q.x.array[:] = start + scale * move
-        x.x.array[:] = (run.evaluate() - force) / scale
+        x.x.array[:] = (run.evaluate(stiffest=True) - force) / scale
         run.lay(x.x.array, start)
         y = free * x.x.array / root
         before, value = value, math.sqrt(comm.allreduce(float(y[:size] @ y[:size])))
@@ -94,19 +86,3 @@ def _length(run: Run) -> float:
     x = mesh.geometry.x[mesh.geometry.dofmaps[0]]
     size = float(np.ptp(x, axis=1).max(axis=1).min(initial=np.inf)) if len(x) else np.inf
     return float(run.comm.allreduce(size, MPI.MIN))
-
-
-class _Frozen:
-    """A law that always answers from its first state, whatever the state it is given."""
-
-    symmetric = False
-
-    def __init__(self, law: Any) -> None:
-        self.law, self.initial_state = law, law.initial_state
-
-    def respond(self, strain: Array, state: Array, out: Any = None) -> tuple[Array, Array, Array]:
-        """See `laws.Law.respond`; the new state is the old one."""
-        first = np.tile(self.initial_state, (len(strain), 1))
-        self.law.respond(strain, first, (out[0], out[1], np.empty_like(first)))
-        out[2][:] = state
-        return out[0], out[1], out[2]

@@ -9,17 +9,18 @@ from mpi4py import MPI
 from dolfinx import fem
 from dolfinx.fem import petsc as fempetsc
 from petsc4py import PETSc
-from ufl.form import Form
 
 from ..errors import InputError, StepFailed
 from ..shell.directors import ShellSpace
 from ..shell.dirichlet import check, put
-from ..terms.hook import LawHook, derive, forget_traversals
-from ..terms.work import InternalWork, assemble, matrix
-from . import held, linear
+from ..terms.form import Rate, terms_of
+from ..terms.hook import forget_traversals
+from ..terms.term import Residual, Term
+from . import linear
 from .continuation import Step as Step
 from .continuation import march as march
 from .reactions import Reactions
+from .tangent import Tangent
 
 OPTIONS = {"snes_linesearch_type": "basic", "snes_max_it": 25} | linear.DIRECT
 """PETSc options of `StaticSolver` that a user may override."""
@@ -34,33 +35,34 @@ def _weak(method: Callable[..., Any]) -> Callable[..., Any]:
 class StaticSolver(Reactions):
     """Equilibrium residual(u) = 0 at the present loads and Dirichlet values.
 
-    residual: UFL form, a sum of the terms of `weakform`, linear in a test function. u: the unknown; for
-    a shell, (u, d) of `space`, whose directors the solver then turns. bcs: Dirichlet conditions on the
-    space of u, whose values may change between solves. hooks: every `LawHook` whose stress is in
-    the residual. works: internal work of a shell that is added to the residual, hooks and all, with its stiffness in
-    batches; the rest of the residual may be 0. rtol: a step is solved when the residual at the free unknowns is below
-    rtol times the largest nodal force or support force so far, or the last correction below 1e-9 of the displacement.
-    options: PETSc options, over `OPTIONS`; for a sheet too large for the default, `linear.ITERATIVE`.
+    Public: `terms`, and the matrix of their stiffness, `tangent`; the SNES itself, `snes`; `symmetric`, whether all
+    terms are, and so the linear systems.
 
-    Public: the SNES itself, `snes`; the compiled forms of what is not in `works`, `residual_form` and `jacobian_form`.
+    Args:
+        residual: UFL form, a sum of the terms of `weakform`, linear in a test function; or a `terms.term.Term`, such as
+            `InternalWork`; or a list of both.
+        u: the unknown, in m; for a shell, (u, d) of `space`.
+        bcs: Dirichlet conditions on the space of u, whose values may change between solves.
+        rtol: a step is solved when the residual at the free unknowns is below rtol times the largest nodal force or
+            support force so far, or the last correction below 1e-9 of the displacement, or below what numbers resolve.
+        options: PETSc options, over `OPTIONS`; for a sheet too large for the default, `linear.ITERATIVE`.
+        space: of a shell, whose directors the solver turns.
     """
 
     def __init__(
         self,
-        residual: Form | int,
+        residual: Residual,
         u: fem.Function,
         bcs: Sequence[fem.DirichletBC],
-        hooks: Sequence[LawHook] = (),
+        *,
         rtol: float = 1e-6,
         options: dict[str, object] | None = None,
         space: ShellSpace | None = None,
-        works: Sequence[InternalWork] = (),
     ) -> None:
         if not 0.0 < rtol < 1.0:
             raise InputError(f"A relative tolerance of {rtol!r} is not between 0 and 1.")
-        self.u, self.rtol, self._shell, self._works = u, rtol, space, tuple(works)
-        self.hooks = (*hooks, *(work.hook for work in works if work.hook is not None))
-        self._bcs = list(bcs)
+        self.u, self.rtol, self._shell, self._bcs = u, rtol, space, list(bcs)
+        self.terms: list[Term] = terms_of(residual, u, self.rate)
         self.comm = u.function_space.mesh.comm
         self._y = u if space is None else fem.Function(space.W)  # what is solved for: u, or (u, angles) of a shell
         self._accepted = self._y.x.array.copy()
@@ -71,25 +73,20 @@ class StaticSolver(Reactions):
         """Norms of the residual in the last solve, N."""
         self.linear_iterations = 0
         """Of all solves so far; with LU, a linear system takes one."""
-        forms = derive(residual, u, tuple(hooks), self.rate) if isinstance(residual, Form) else (Form([]), Form([]))
-        # dead loads have no Jacobian
-        self.residual_form, self.jacobian_form = (fem.form(f) if f.integrals() else None for f in forms)
         self._force = fempetsc.create_vector(u.function_space)
         self._x, self._b = (fempetsc.create_vector(self._y.function_space) for _ in range(2))
         every = np.arange(self._x.local_size) if space is None else np.array(space.W.sub(0).collapse()[1])
         self.displacements = every[every < self._x.local_size]
         """Owned unknowns that are displacements: of a shell, all but the angles."""
-        self._K = self._A = matrix(self._works) if works else fempetsc.create_matrix(self.jacobian_form)
+        self._transformation: PETSc.Mat | None = None
         if space is None:
             owned = [dofs[:size] for dofs, size in (bc.dof_indices() for bc in bcs)]
             self._given = np.unique(np.concatenate([np.empty(0, dtype=np.int32), *owned]))
         else:
             self._given = space.supports(self._bcs)
             self._transformation = space.turn(self._y, u)
-            # the pattern of the product is made once, from a matrix that has its entries
-            self.assemble_stiffness()
-            self._A = self._K.ptap(self._transformation)
-        self._A.setOption(PETSc.Mat.Option.KEEP_NONZERO_PATTERN, True)
+        self.tangent = Tangent(self.terms, u.function_space, space, self._transformation)
+        self.symmetric = all([term.symmetric for term in self.terms])
         dofmap = self._y.function_space.dofmap
         blocks, components = np.divmod(self._given, dofmap.index_map_bs)
         rows = dofmap.index_map.local_to_global(blocks.astype(np.int32)) * dofmap.index_map_bs + components
@@ -97,9 +94,10 @@ class StaticSolver(Reactions):
 
         self.snes = PETSc.SNES().create(self.comm)
         self.snes.setFunction(_weak(self._residual), self._b)
-        self.snes.setJacobian(_weak(self._jacobian), self._A)
+        self.snes.setJacobian(_weak(self._jacobian), self.tangent.A)
         self.snes.setConvergenceTest(_weak(self.converged))
-        linear.configure(self.snes, self._A, OPTIONS | (options or {}))
+        self.snes.setLineSearchPreCheck(_weak(self._shorten))
+        linear.configure(self.snes, self.tangent.A, OPTIONS | (options or {}))
         by_grids = self.snes.ksp.getPC().getType() == "gamg"
         self._motions = linear.RigidMotions(u, self._y, space) if by_grids else None
         # a step that ends in NaN would pass for converged where the correction before it was small
@@ -117,17 +115,15 @@ class StaticSolver(Reactions):
         """See `forces`."""
         with self._force.localForm() as local:
             local.set(0.0)
-            for work in self._works:
-                work.add_force(local.array_w)
-        if self.residual_form is not None:
-            fempetsc.assemble_vector(self._force, self.residual_form)
+            for term in self.terms:
+                term.add_force(local.array_w)
         self._force.ghostUpdate(PETSc.InsertMode.ADD, PETSc.ScatterMode.REVERSE)
 
     def _residual(self, snes: PETSc.SNES, x: PETSc.Vec, b: PETSc.Vec) -> None:
         # never raise in here: whatever fails, on any rank, must fail the step on every rank
         try:
             self._take(x)
-            ok = all([hook.evaluate() for hook in self.hooks])
+            ok = all([term.evaluate() for term in self.terms])
         except Exception as error:
             self._fault, ok = error, False
         if self.comm.allreduce(ok, MPI.LAND):
@@ -138,7 +134,7 @@ class StaticSolver(Reactions):
     def assemble(self, x: PETSc.Vec, b: PETSc.Vec) -> None:
         """Residual b (N) at the last x and its stresses, under the present loads; gaps (m) at given unknowns."""
         self._assemble_force()
-        if self._shell is None:
+        if self._transformation is None:
             self._force.copy(b)
         else:
             self._transformation.multTranspose(self._force, b)
@@ -148,27 +144,36 @@ class StaticSolver(Reactions):
         met = np.abs(gap).max(initial=0.0) <= 1e-10 * x.norm(PETSc.NormType.NORM_INFINITY)
         self._met = self.comm.allreduce(bool(met), MPI.LAND)
 
-    def assemble_stiffness(self) -> None:
-        """Derivative of the residual by u, before any condition."""
-        self._K.zeroEntries()
-        if self._works:
-            assemble(self._K, self._works)
-        if self.jacobian_form is not None:
-            fempetsc.assemble_matrix(self._K, self.jacobian_form)
-        self._K.assemble()
-        self._add_to_jacobian(self._K)
-
     def _jacobian(self, snes: PETSc.SNES, x: PETSc.Vec, A: PETSc.Mat, P: PETSc.Mat) -> None:
-        self.assemble_stiffness()
-        if self._shell is not None:
-            self._K.ptap(self._transformation, result=A)
-            self._shell.add_curvature(A, self._force)
-        # rows only: given values that move need the columns
-        A.zeroRows(self._given_rows, 1.0)
+        # in SNES given values are met: there is no right-hand side to correct
+        self._assemble_tangent()
 
-    rate: tuple[fem.Function, fem.Constant] | None = None  # of `step`: velocity, its derivative by u
+    def _assemble_tangent(self, *right: PETSc.Vec) -> None:
+        if self.tangent.follow():
+            self.snes.setJacobian(_weak(self._jacobian), self.tangent.A)
+        self.tangent.assemble(self._force)
+        self.tangent.eliminate(self._given_rows, self.symmetric, right)
 
-    def _add_to_jacobian(self, K: PETSc.Mat) -> None: ...  # of `step`
+    rate: Rate | None = None  # of `step`: velocity, its derivative by u
+
+    def longest_step(self, change: PETSc.Vec) -> float:
+        """The part of a change of the unknowns, from where they were last set, that all terms allow, up to 1."""
+        limited = [term for term in self.terms if type(term).longest_step is not Term.longest_step]
+        if not limited:
+            return 1.0
+        of_u = fem.Function(self.u.function_space)
+        if self._transformation is None:
+            change.copy(of_u.x.petsc_vec)
+        else:
+            self._transformation.mult(change, of_u.x.petsc_vec)
+        of_u.x.scatter_forward()
+        return float(self.comm.allreduce(min(term.longest_step(of_u.x.array) for term in limited), MPI.MIN))
+
+    def _shorten(self, x: PETSc.Vec, correction: PETSc.Vec) -> None:
+        """Before a line search, which then stays within what the terms allow; PETSc subtracts corrections."""
+        longest = self.longest_step(-correction)
+        if longest < 1.0:
+            correction.scale(longest)
 
     def _move_supports(self) -> int:
         """Meet the given values by one linear step of the whole sheet, if they are not met; 1 if it was needed.
@@ -176,17 +181,19 @@ class StaticSolver(Reactions):
         Newton then begins in a state that is strained smoothly, and its residual is made of forces alone.
         """
         gap = np.abs(self._x.array_r[self._given] - self._targets[self._given]).max(initial=0.0)
-        if self.comm.allreduce(float(gap), MPI.MAX) <= 1e-10 * self._x.norm(PETSc.NormType.NORM_INFINITY):
-            return 0
-        b = self.residual(self._x)
-        self.residuals.append(b.norm())
-        correction = b.duplicate()
-        ksp = self.factorised()
-        ksp.solve(b, correction)
-        if ksp.getConvergedReason() < 0:
-            raise self.failure("diverged_linear_solve")
-        self._x.axpy(-1.0, correction)
-        return 1
+        far = self.comm.allreduce(float(gap), MPI.MAX) > 1e-10 * self._x.norm(PETSc.NormType.NORM_INFINITY)
+        if far:
+            b = self.residual(self._x)
+            self.residuals.append(b.norm())
+            correction = b.duplicate()
+            ksp = self.factorised(b)
+            ksp.solve(b, correction)
+            if ksp.getConvergedReason() < 0:
+                raise self.failure("diverged_linear_solve")
+            self._x.axpy(-1.0, correction)
+        # not only nearly: their columns may be out of the linear systems
+        self._x.array_w[self._given] = self._targets[self._given]
+        return int(far)
 
     def require_held(self, set_load: Callable[[float], None], start: float, load: float) -> None:
         """Raise InputError, on every rank, for a sheet that is unstrained so far and that nothing holds; see `held`."""
@@ -201,7 +208,7 @@ class StaticSolver(Reactions):
         self.aim()
         fempetsc.assign(self._y, self._x)
         if self._motions is not None:
-            self._motions.give(self._A, self._given)
+            self._motions.give(self.tangent.A, self._given)
         return self._x
 
     def aim(self) -> None:
@@ -218,10 +225,14 @@ class StaticSolver(Reactions):
         self._residual(self.snes, x, self._b)
         return self._b
 
-    def factorised(self) -> PETSc.KSP:
-        """What solves with the Jacobian at the last residual."""
-        self._jacobian(self.snes, self._x, self._A, self._A)
-        self.snes.ksp.setOperators(self._A)
+    def factorised(self, *right: PETSc.Vec) -> PETSc.KSP:
+        """What solves with the Jacobian at the last residual, under the present loads.
+
+        right: right-hand sides, residuals or their differences; corrected where the columns of given unknowns, whose
+        changes are in them, are eliminated.
+        """
+        self._assemble_tangent(*right)
+        self.snes.ksp.setOperators(self.tangent.A)
         return self.snes.ksp
 
     def converged(self, snes: PETSc.SNES, iteration: int, norms: tuple[float, float, float]) -> int | None:
@@ -262,7 +273,7 @@ class StaticSolver(Reactions):
         if faults:
             self.restore()
             raise RuntimeError(f"A law must not raise, but one did: {faults[0]}.") from self._fault
-        worst = max(self.comm.allgather(max((hook.worst() for hook in self.hooks), default=(0.0, ""))))
+        worst = max(self.comm.allgather(max(term.worst() for term in self.terms)))
         self.restore()
         norms = [f"{norm:.2e}" for norm in self.residuals]
         history = ", ".join(norms if len(norms) <= 8 else [*norms[:4], "...", *norms[-4:]])
@@ -271,9 +282,9 @@ class StaticSolver(Reactions):
 
     def commit(self) -> None:
         """Accept the present u: the only call that moves the past."""
-        for hook in self.hooks:
-            hook.evaluate()  # the last residual need not have been at the accepted u
-            hook.commit()
+        for term in self.terms:
+            term.evaluate()  # the last residual need not have been at the accepted u
+            term.commit()
         if self._shell is not None:
             self._shell.commit(self._y)
         self._accepted = self._y.x.array.copy()
@@ -284,8 +295,8 @@ class StaticSolver(Reactions):
         self._y.x.array[:] = self._accepted
         if self._shell is not None:
             self._shell.turn(self._y, self.u)
-        for hook in self.hooks:
-            hook.evaluate()
+        for term in self.terms:
+            term.restore()
 
     def forces(self) -> np.ndarray:
         """Residual in N at the owned unknowns of u, with no condition applied: at supports, the reactions."""

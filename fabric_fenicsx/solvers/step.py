@@ -6,11 +6,10 @@ import numpy as np
 from mpi4py import MPI
 from dolfinx import fem
 from petsc4py import PETSc
-from ufl.form import Form
 
-from ..terms.hook import LawHook
-from ..terms.work import InternalWork
-from .motion import Motion
+from ..terms.form import terms_of
+from ..terms.term import Residual
+from .motion import Mass, Motion
 from .statics import StaticSolver
 
 
@@ -23,37 +22,24 @@ class MovingSolver(StaticSolver):
     def __init__(
         self,
         motion: Motion,
-        residual: Form | int,
+        residual: Residual,
         bcs: Sequence[fem.DirichletBC],
-        hooks: Sequence[LawHook] = (),
+        *,
         rtol: float = 1e-4,
         options: dict[str, object] | None = None,
-        works: Sequence[InternalWork] = (),
     ) -> None:
-        self.motion, self.rate = motion, (motion.velocity, motion.rate)
-        self._mass: PETSc.Mat | None = None
-        super().__init__(residual, motion.q, bcs, hooks, rtol, options, motion.space, works)
+        self.motion, self.rate, self._inertia = motion, (motion.velocity, motion.rate), Mass(motion)
+        terms = [*terms_of(residual, motion.q, self.rate), self._inertia]
+        super().__init__(terms, motion.q, bcs, rtol=rtol, options=options, space=motion.space)
 
     def _take(self, x: PETSc.Vec) -> None:
         super()._take(x)
         self.motion.follow()
 
-    def _assemble_force(self) -> None:
-        super()._assemble_force()
-        inertia = self.motion.inertia()
-        self._inertia = inertia.norm(PETSc.NormType.NORM_INFINITY)
-        self._force.axpy(1.0, inertia)
-
     def assemble(self, x: PETSc.Vec, b: PETSc.Vec) -> None:
         """As of `StaticSolver`; what is small is measured by the inertia too, for nothing else may hold the sheet."""
         super().assemble(x, b)
-        self._size = max(self._size, self._inertia)
-
-    def _add_to_jacobian(self, K: PETSc.Mat) -> None:
-        if self._mass is None:  # in the pattern of K a sum takes a tenth of the time
-            self._mass = K.duplicate()
-            self._mass.axpy(1.0, self.motion.mass, PETSc.Mat.Structure.SUBSET_NONZERO_PATTERN)
-        K.axpy(self.motion.shift, self._mass, PETSc.Mat.Structure.SAME_NONZERO_PATTERN)
+        self._size = max(self._size, self._inertia.size)
 
     def commit(self) -> None:
         """Accept the present u and its motion."""
@@ -73,7 +59,7 @@ class MovingSolver(StaticSolver):
         """
         motion = self.motion
         b = self.residual(self.begin())
-        mass = motion.mass if self._shell is None else motion.mass.ptap(self._transformation)
+        mass = motion.mass if self._transformation is None else motion.mass.ptap(self._transformation)
         massless = np.flatnonzero(mass.getDiagonal().array_r == 0.0) + mass.getOwnershipRange()[0]
         fixed = np.union1d(self._given_rows, massless).astype(PETSc.IntType)
         mass = mass.copy()
@@ -88,7 +74,7 @@ class MovingSolver(StaticSolver):
         correction = b.duplicate()
         ksp.solve(b, correction)
         a = fem.Function(self.u.function_space)
-        if self._shell is None:
+        if self._transformation is None:
             correction.copy(a.x.petsc_vec)
         else:
             self._transformation.mult(correction, a.x.petsc_vec)
@@ -105,10 +91,11 @@ class MovingSolver(StaticSolver):
         still = self.comm.allreduce(bool((here == self._targets[: len(here)])[self._given].all()), MPI.LAND)
         if dt > 0.0 and still:
             v = self.motion.accepted["v"]
-            there = here + dt * (v if self._shell is None else self._shell.rate(v))[: len(here)]
-            there[self._given] = here[self._given]
+            way = x.duplicate()
+            way.array_w[:] = dt * (v if self._shell is None else self._shell.rate(v))[: len(here)]
+            way.array_w[self._given] = 0.0
             before = self.residual(x).norm()
-            x.array_w[:] = there
+            x.axpy(self.longest_step(way), way)
             if not self.residual(x).norm() < before:
                 x.array_w[:] = here
         return x
@@ -121,7 +108,5 @@ class MovingSolver(StaticSolver):
             self._y.x.array[:] = self._shell.at_rest(self.u.x.array)
             self._shell.turn(self._y, fem.Function(self.u.function_space))
         self._accepted = self._y.x.array.copy()
-        for hook in self.hooks:
-            stress = hook.resultants.copy()
-            hook.evaluate()
-            hook.resultants[:] = stress
+        for term in self.terms:
+            term.renew()

@@ -9,8 +9,11 @@ from dolfinx import fem
 from petsc4py import PETSc
 
 from ..laws import Array
+from ..terms.form import terms_of
 from ..terms.hook import forget_traversals
-from .motion import Motion
+from ..terms.term import Residual, Term
+from .checkpoint import Field
+from .motion import Mass, Motion
 from .reactions import Reactions
 
 
@@ -27,13 +30,22 @@ class _Context:
 class Stepper(Reactions):
     """A motion that goes on step by step; `ts` is the TS that calls `step` of the class derived from this.
 
-    set_load(t): puts loads and Dirichlet values at time t (s) into the scene. start: time, s.
+    Public: `terms`, all but inertia. set_load(t): puts loads and Dirichlet values at time t (s) into the scene.
+    start: time, s.
     """
 
     def __init__(
-        self, motion: Motion, bcs: Sequence[fem.DirichletBC], set_load: Callable[[float], None], start: float
+        self,
+        motion: Motion,
+        residual: Residual,
+        bcs: Sequence[fem.DirichletBC],
+        set_load: Callable[[float], None],
+        start: float,
     ) -> None:
         self.motion, self.set_load, self._bcs = motion, set_load, list(bcs)
+        self.terms: list[Term] = terms_of(residual, motion.q, (motion.velocity, motion.rate))
+        if motion.damping > 0.0:
+            self.terms.append(Mass(motion, damps=True))
         self.comm, self.time, self.number = motion.q.function_space.mesh.comm, start, 0
         motion.given = np.unique(np.concatenate([np.empty(0, np.int32), *(bc.dof_indices()[0] for bc in bcs)]))
         self._values = np.zeros_like(motion.q.x.array)
@@ -105,6 +117,11 @@ class Stepper(Reactions):
         self._origin, self._resumed = (numbers["from_time"], int(numbers["from_number"])), True
         if self.ledger:
             self.ledger.set_numbers(numbers)
+
+    def fields(self) -> list[Field]:
+        """What the terms remember; see `checkpoint`."""
+        every = [field for term in self.terms for field in term.fields()]
+        return [(f"{name}{k}", cells, array) for k, (name, cells, array) in enumerate(every)]
 
     def _go_on(self) -> None:
         """The last of `renew`: the state is in place."""

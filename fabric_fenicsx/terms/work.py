@@ -23,167 +23,232 @@ import basix
 import numpy as np
 import ufl
 from dolfinx import fem
-from petsc4py import PETSc
 from ufl.algorithms import expand_derivatives
 from ufl.core.expr import Expr
 from ufl.form import Form
 
 from ..errors import InputError
-from ..laws import Array
+from ..laws import Array, Law
 from ..shell.directors import ShellSpace
 from . import kernels, weakform
 from .hook import LawHook
 from .kernels import LANES
+from .points import LawPoints
+from .term import Indices, Term
 
 CHUNK = 1000  # cells
 
+type Part = tuple[Expr, Law | Expr, ufl.Measure]
+"""A strain, the law or the stiffness that answers it, and the measure of both."""
 
-class InternalWork:
-    """Internal work of a shell at one strain, by batches of cells; `form` is the same in UFL.
 
-    space, q: the shell and its (u, d). strain: UFL vector, quadratic in q and zero at rest, as of `assumed_strain`.
-    stress: a LawHook of this strain, which it then measures, or a UFL matrix in N/m, the stiffness of a linear law,
-    which stays as it is. dx: measure of the strain. Give it to a solver as one of `works`.
+class InternalWork(Term):
+    """Internal work of a shell on some of its cells, without a form; `form` is the same in UFL.
 
     It keeps 3 kB a cell. Raises InputError, on every rank, for a strain that is not quadratic.
+
+    Public: `parts`; `points`, the `LawPoints` of those that have a law.
+
+    Args:
+        space, q: the shell and its (u, d).
+        parts: strain, response and measure of each part of the work. The strain is a UFL vector, quadratic in q and
+            zero at rest, as of `assumed_strain`; the response a law of this strain, whose stress are resultants, or a
+            UFL matrix in N/m and so on, the stiffness of a linear law, which stays as it is.
+        cells: local cells that do this work, ascending; by default all.
     """
 
     def __init__(
-        self, space: ShellSpace, q: fem.Function, strain: Expr, stress: LawHook | Expr, dx: ufl.Measure
+        self, space: ShellSpace, q: fem.Function, parts: Sequence[Part], *, cells: np.ndarray | None = None
     ) -> None:
-        self.q, self.hook = q, stress if isinstance(stress, LawHook) else None
-        self._space, self._strain, self._law, self._dx = space, strain, stress, dx
-        self._mesh = domain = space.mesh
-        cells = domain.topology.index_map(2)
-        self._cells, self._owned = np.arange(cells.size_local + cells.num_ghosts, dtype=np.int32), cells.size_local
-        rule = basix.make_quadrature(domain.basix_cell(), dx.metadata()["quadrature_degree"])
-        self._points, weights = (np.asarray(part) for part in rule)
-        self._dofs = space.V.dofmap.list
-        self._directors = space.normal.function_space.dofmap.list
-        self._start = self._places()
-        self._batch = *self._quadratic(), self._start, space.normal.x.array, self._directors, q.x.array, self._dofs
-        self._weights = self._at_points(ufl.JacobianDeterminant(domain)).reshape(-1, len(self._points)) * weights
-        self._strains = np.empty((len(self._cells), len(self._points), strain.ufl_shape[0]))
-        if isinstance(stress, LawHook):
-            stress.measure = self.measure
-        else:
-            self._tangent = self._at_points(stress).reshape(*self._strains.shape, self._strains.shape[-1])
+        self.q, self.parts = q, tuple(parts)
+        every = space.mesh.topology.index_map(2)
+        if cells is None:
+            cells = np.arange(every.size_local + every.num_ghosts, dtype=np.int32)
+        self._cells, self._space = cells, space
+        self._owned = int(np.searchsorted(cells, every.size_local))
+        self._dofs = space.V.dofmap.list[cells]
+        shell = _Shell(space, q, cells, self._dofs, space.normal.function_space.dofmap.list[cells])
+        self._parts = [_Part(shell, self._owned, *part) for part in parts]
+        self.points = [part.points for part in self._parts if part.points is not None]
+        self.symmetric = all(part.symmetric for part in self._parts)
+        self.has_kinks = bool(self.points)
 
     @cached_property
     def form(self) -> Form:
-        """Virtual work of the stress, in UFL."""
-        hook = self.hook
-        force = ufl.dot(self._law, self._strain) if hook is None else hook.stress
-        return weakform.internal(force, self._strain, self.q, ufl.TestFunction(self._space.V), 1.0, self._dx)
+        """Virtual work of the stress, in UFL; a law has a hook of its own there. Of all cells of the mesh."""
+        result, test = Form([]), ufl.TestFunction(self._space.V)
+        for strain, response, dx in self.parts:
+            if isinstance(response, Expr):
+                stress = ufl.dot(response, strain)
+            else:
+                stress = LawHook(response, strain, self._space.mesh, dx.metadata()["quadrature_degree"]).stress
+            result += weakform.internal(stress, strain, self.q, test, 1.0, dx)
+        return result
 
-    def _at_points(self, expression: Expr) -> Array:
-        return fem.Expression(expression, self._points).eval(self._mesh, self._cells)
-
-    def _places(self) -> Array:
-        """Reference places of the other nodes of each cell, as seen from the first one: (cells, nodes - 1, 3)."""
-        space, dofs = self._space.V.sub(0).collapse()
-        x = np.empty((len(self.q.x.array), 3))
-        x[np.array(dofs).reshape(-1, 3)[:, 0]] = space.tabulate_dof_coordinates()
-        nodes = self._dofs[:, : self._dofs.shape[1] - 3 * self._directors.shape[1] : 3]
-        return np.ascontiguousarray(x[nodes[:, 1:]] - x[nodes[:, :1]])
-
-    def _quadratic(self) -> tuple[Any, Any, Any]:
-        """M (blocks, points, terms, LANES), of each strain the first and last pair that it has, and the pairs."""
-        trial = ufl.TrialFunction(self._space.V)
-        derivative = fem.Expression(expand_derivatives(ufl.derivative(self._strain, self.q, trial)), self._points)
-        kept, cells, nodes = self.q.x.array.copy(), len(self._cells), self._start.shape[1]
-        n = nodes + self._directors.shape[1]
-        # each probe tells three columns, one for every component in space; some more make it well posed
-        states = [np.random.default_rng(seed).uniform(-1, 1, len(kept)) for seed in range(n // 3 + 2)]
-        # pairs of nodes, of a node and a director, and of directors; those that no strain has are left out
-        pairs = [(i, j) for i in range(n) for j in range(i, n)]
-        pairs.sort(key=lambda pair: (pair[0] >= nodes) + (pair[1] >= nodes))
-        i, j = np.array(pairs, dtype=np.int64).T
-        pieces, misfit, shape = [], False, (len(self._points) * self._strain.ufl_shape[0], n + 1, 3)
-        # so many cells at a time that their probes take little memory
-        for part in np.split(np.arange(cells), range(CHUNK, cells, CHUNK)):
-            probes, changes = [], []
-            for state in states:
-                self.q.x.array[:] = state
-                q = state[self._dofs[part]].reshape(len(part), 1, n + 1, 3)
-                change = derivative.eval(self._mesh, self._cells[part]).reshape(len(part), *shape)
-                probes.append(q[:, :, 1:] - np.where(np.arange(n)[:, None] < nodes, q[:, :, :1], 0.0))
-                probes[-1][:, 0, :nodes] += self._start[part]
-                changes.append(change[:, :, 1:])
-            probe, change = np.concatenate(probes, axis=3), np.concatenate(changes, axis=3)
-            inverse = np.linalg.pinv(probe)
-            S = change @ inverse
-            S += (change - S @ probe) @ inverse
-            misfit |= bool(np.abs(S @ probe - change).max(initial=0.0) > 1e-8 * np.abs(change).max(initial=0.0))
-            # exact zeros: a thin sheet would feel a membrane strain of round-off when it bends
-            S[np.abs(S) < 1e-11 * np.abs(S).max(axis=(2, 3), keepdims=True, initial=0.0)] = 0.0
-            pieces.append(np.where(i == j, 0.5, 1.0) * (S[..., i, j] + S[..., j, i]) / 2)
-        self.q.x.array[:] = kept
-        if self._mesh.comm.allreduce(misfit):
-            raise InputError("A strain is not quadratic in displacement and director, or changes with a rotation.")
-        M = np.concatenate(pieces).reshape(cells, len(self._points), self._strain.ufl_shape[0], len(pairs))
-        spans = []
-        for there in M.any(axis=(0, 1)):
-            found = np.flatnonzero(there)
-            spans.append((found[0], found[-1] + 1) if len(found) else (0, 0))
-        M = np.concatenate([M[:, :, a, first:last] for a, (first, last) in enumerate(spans)], axis=2)
-        low, high = min(first for first, _ in spans), max(last for _, last in spans)
-        # cells by `LANES`, side by side: what processors are good at
-        count = -(-cells // LANES)
-        blocks = np.zeros((count * LANES, *M.shape[1:]))
-        blocks[:cells] = M
-        blocks = np.moveaxis(blocks.reshape(count, LANES, *M.shape[1:]), 1, 3).copy()
-        return blocks, np.array(spans) - low, np.array(pairs[low:high], dtype=np.int64).reshape(-1, 2)
-
-    def measure(self, out: Array) -> None:
-        """Strains (cells, points, strains) of all local cells at the present q."""
-        kernels.strains(self._batch, out)
-
-    def _stress(self) -> Array:
-        """Of the last evaluation of the law; (cells, points, strains)."""
-        if self.hook is not None:
-            return self.hook.resultants
-        self.measure(self._strains)
-        return np.einsum("cpab,cpb->cpa", self._tangent, self._strains)
+    def evaluate(self, tangent: bool = True, stiffest: bool = False) -> bool:
+        """See `Term.evaluate`."""
+        return all([part.evaluate(tangent, stiffest) for part in self._parts])
 
     def add_force(self, total: Array) -> None:
-        """Add the internal forces (N) of the owned cells to a local array of V, at the last evaluation of the law."""
-        kernels.forces(self._batch, self._stress(), self._weights[: self._owned], total)
+        """See `Term.add_force`."""
+        for part in self._parts:
+            kernels.forces(part.batch, part.stress, part.weights, total)
 
-    def add_stiffness(self, total: Array) -> None:
-        """Add the matrices of the owned cells, at the last evaluation of the law, to (cells, n, n)."""
-        tangent = self._tangent if self.hook is None else self.hook.tangent
-        kernels.stiffness(self._batch, tangent, self._stress(), self._weights[: self._owned], total)
-
-    @cached_property
-    def matrices(self) -> Array:
-        """Room for the stiffness of the owned cells, (cells, n, n)."""
-        return np.empty((self._owned, self._dofs.shape[1], self._dofs.shape[1]))
-
-    def places(self) -> tuple[Array, Array]:
-        """Global rows and columns of the entries of `matrices`, flat."""
+    def pattern(self) -> tuple[Indices, Indices]:
+        """See `Term.pattern`."""
         local = self._dofs[: self._owned]
         dofs = self.q.function_space.dofmap.index_map.local_to_global(local.ravel()).reshape(local.shape)
         return np.repeat(dofs, dofs.shape[1], axis=1).ravel(), np.tile(dofs, (1, dofs.shape[1])).ravel()
 
+    def add_stiffness(self, values: Array) -> None:
+        """See `Term.add_stiffness`."""
+        matrices = values.reshape(self._owned, self._dofs.shape[1], self._dofs.shape[1])
+        for part in self._parts:
+            kernels.stiffness(part.batch, part.tangent, part.stress, part.weights, matrices)
 
-def matrix(works: Sequence[InternalWork]) -> PETSc.Mat:
-    """An empty matrix in the space of (u, d), for `assemble`."""
-    space = works[0].q.function_space
-    index_map, result = space.dofmap.index_map, PETSc.Mat().create(space.mesh.comm)
-    result.setSizes([[index_map.size_local, index_map.size_global]] * 2)
-    result.setType(PETSc.Mat.Type.AIJ)
-    everywhere = index_map.local_to_global(np.arange(index_map.size_local + index_map.num_ghosts, dtype=np.int32))
-    result.setLGMap(PETSc.LGMap().create(everywhere.astype(PETSc.IntType), comm=space.mesh.comm))
-    rows, columns = works[0].places()
-    result.setPreallocationCOO(rows.astype(PETSc.IntType), columns.astype(PETSc.IntType))
-    return result
+    def energy(self) -> float | None:
+        """See `Term.energy`."""
+        return sum(part.energy() for part in self._parts)
+
+    def dissipated(self) -> float:
+        """See `Term.dissipated`."""
+        return sum(points.dissipated() for points in self.points)
+
+    def watch(self) -> None:
+        """See `Term.watch`."""
+        for points in self.points:
+            points.watch()
+
+    def commit(self) -> None:
+        """See `Term.commit`."""
+        for points in self.points:
+            points.commit()
+
+    def renew(self) -> None:
+        """See `Term.renew`."""
+        for part in self._parts:
+            part.evaluate(True, False) if part.points is None else part.points.renew()
+
+    def fields(self) -> list[tuple[str, np.ndarray, Array]]:
+        """See `Term.fields`."""
+        return [field for points in self.points for field in points.fields()]
+
+    def worst(self) -> tuple[float, str]:
+        """See `Term.worst`."""
+        return max((points.worst() for points in self.points), default=(0.0, ""))
 
 
-def assemble(K: PETSc.Mat, works: Sequence[InternalWork]) -> None:
-    """Put the stiffness of works of one shell into its `matrix`."""
-    total = works[0].matrices
-    total[:] = 0.0
-    for work in works:
-        work.add_stiffness(total)
-    K.setValuesCOO(total.ravel())
+class _Shell:
+    """Some cells of a shell, as `kernels` want them."""
+
+    def __init__(
+        self, space: ShellSpace, q: fem.Function, cells: np.ndarray, dofs: np.ndarray, directors: np.ndarray
+    ) -> None:
+        self.space, self.q, self.cells, self.dofs, self.directors = space, q, cells, dofs, directors
+        part, where = space.V.sub(0).collapse()
+        x = np.empty((len(q.x.array), 3))
+        x[np.array(where).reshape(-1, 3)[:, 0]] = part.tabulate_dof_coordinates()
+        nodes = dofs[:, : dofs.shape[1] - 3 * directors.shape[1] : 3]
+        self.start = np.ascontiguousarray(x[nodes[:, 1:]] - x[nodes[:, :1]])
+        """Reference places of the other nodes of each cell, as seen from the first one: (cells, nodes - 1, 3)."""
+
+
+class _Part:
+    """One strain of the work, on its rule. Public: `batch` and `weights` for `kernels`; `stress`, `tangent`."""
+
+    def __init__(self, shell: _Shell, owned: int, strain: Expr, response: Law | Expr, dx: ufl.Measure) -> None:
+        mesh, self._cells = shell.space.mesh, shell.cells
+        rule = basix.make_quadrature(mesh.basix_cell(), dx.metadata()["quadrature_degree"])
+        points, weights = (np.asarray(part) for part in rule)
+
+        def at_points(expression: Expr) -> Array:
+            return fem.Expression(expression, points).eval(mesh, shell.cells)
+
+        q, normal = shell.q.x.array, shell.space.normal.x.array
+        probed = quadratic(shell, strain, points)
+        self.batch = *probed, shell.start, normal, shell.directors, q, shell.dofs
+        area = at_points(ufl.JacobianDeterminant(mesh))[:owned].reshape(owned, len(points))
+        self.weights = area * weights
+        shape = len(points), strain.ufl_shape[0]
+        self.points: LawPoints | None = None
+        if isinstance(response, Expr):
+            self._strain, self._stress = np.zeros((2, len(shell.cells), *shape))
+            self._tangent = at_points(response).reshape(*self._strain.shape, shape[1])
+            self.symmetric = True
+        else:
+            self.points = LawPoints(response, mesh, shell.cells, shape, self.measure, weights=lambda: self.weights)
+            self.symmetric = response.symmetric
+
+    def measure(self, out: Array) -> None:
+        """Strains (cells, points, strains) of all cells at the present q."""
+        kernels.strains(self.batch, out)
+
+    def evaluate(self, tangent: bool, stiffest: bool) -> bool:
+        if self.points is not None:
+            return self.points.evaluate(tangent, stiffest)
+        self.measure(self._strain)
+        np.einsum("cpab,cpb->cpa", self._tangent, self._strain, out=self._stress)
+        return True
+
+    @property
+    def stress(self) -> Array:
+        return self._stress if self.points is None else self.points.stress
+
+    @property
+    def tangent(self) -> Array:
+        return self._tangent if self.points is None else self.points.tangent  # type: ignore[return-value]
+
+    def energy(self) -> float:
+        if self.points is not None:
+            return self.points.energy()
+        n = len(self.weights)
+        return 0.5 * float(np.einsum("cp,cpa,cpa", self.weights, self._strain[:n], self._stress[:n]))
+
+
+def quadratic(shell: _Shell, strain: Expr, points: Array) -> tuple[Any, Any, Any]:
+    """M (blocks, points, terms, LANES), of each strain the first and last pair that it has, and the pairs."""
+    trial, mesh = ufl.TrialFunction(shell.space.V), shell.space.mesh
+    derivative = fem.Expression(expand_derivatives(ufl.derivative(strain, shell.q, trial)), points)
+    kept, cells, nodes = shell.q.x.array.copy(), len(shell.cells), shell.start.shape[1]
+    n = nodes + shell.directors.shape[1]
+    # each probe tells three columns, one for every component in space; some more make it well posed
+    states = [np.random.default_rng(seed).uniform(-1, 1, len(kept)) for seed in range(n // 3 + 2)]
+    # pairs of nodes, of a node and a director, and of directors; those that no strain has are left out
+    pairs = [(i, j) for i in range(n) for j in range(i, n)]
+    pairs.sort(key=lambda pair: (pair[0] >= nodes) + (pair[1] >= nodes))
+    i, j = np.array(pairs, dtype=np.int64).T
+    pieces, misfit, shape = [], False, (len(points) * strain.ufl_shape[0], n + 1, 3)
+    # so many cells at a time that their probes take little memory
+    for part in np.split(np.arange(cells), range(CHUNK, cells, CHUNK)):
+        probes, changes = [], []
+        for state in states:
+            shell.q.x.array[:] = state
+            q = state[shell.dofs[part]].reshape(len(part), 1, n + 1, 3)
+            change = derivative.eval(mesh, shell.cells[part]).reshape(len(part), *shape)
+            probes.append(q[:, :, 1:] - np.where(np.arange(n)[:, None] < nodes, q[:, :, :1], 0.0))
+            probes[-1][:, 0, :nodes] += shell.start[part]
+            changes.append(change[:, :, 1:])
+        probe, change = np.concatenate(probes, axis=3), np.concatenate(changes, axis=3)
+        inverse = np.linalg.pinv(probe)
+        S = change @ inverse
+        S += (change - S @ probe) @ inverse
+        misfit |= bool(np.abs(S @ probe - change).max(initial=0.0) > 1e-8 * np.abs(change).max(initial=0.0))
+        # exact zeros: a thin sheet would feel a membrane strain of round-off when it bends
+        S[np.abs(S) < 1e-11 * np.abs(S).max(axis=(2, 3), keepdims=True, initial=0.0)] = 0.0
+        pieces.append(np.where(i == j, 0.5, 1.0) * (S[..., i, j] + S[..., j, i]) / 2)
+    shell.q.x.array[:] = kept
+    if mesh.comm.allreduce(misfit):
+        raise InputError("A strain is not quadratic in displacement and director, or changes with a rotation.")
+    M = np.concatenate(pieces).reshape(cells, len(points), strain.ufl_shape[0], len(pairs))
+    spans = []
+    for there in M.any(axis=(0, 1)):
+        found = np.flatnonzero(there)
+        spans.append((found[0], found[-1] + 1) if len(found) else (0, 0))
+    M = np.concatenate([M[:, :, a, first:last] for a, (first, last) in enumerate(spans)], axis=2)
+    low, high = min(first for first, _ in spans), max(last for _, last in spans)
+    # cells by `LANES`, side by side: what processors are good at
+    count = -(-cells // LANES)
+    blocks = np.zeros((count * LANES, *M.shape[1:]))
+    blocks[:cells] = M
+    blocks = np.moveaxis(blocks.reshape(count, LANES, *M.shape[1:]), 1, 3).copy()
+    return blocks, np.array(spans) - low, np.array(pairs[low:high], dtype=np.int64).reshape(-1, 2)

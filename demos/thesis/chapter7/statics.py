@@ -60,14 +60,14 @@ def test(case, shots=()):
     scene, views = tensile.strip(case), {}
     shown, refresh = tensile.displacement(case, scene[0])
 
-    def shoot(name, hook, load):
+    def shoot(name, points, load):
         refresh()
         title = f"{case.fabric.name}, warp at {case.angle:g} degrees, {load * 1e3:.3g} mm"
-        views[name] = draw(case, shown, hook, title, by=tensile.picture)
+        views[name] = draw(case, shown, points, title, by=tensile.picture)
 
-    def watch(step, hook):
+    def watch(step, points):
         if step.number in shots:
-            shoot(str(step.number), hook, step.load)
+            shoot(str(step.number), points, step.load)
 
     table, peak, stopped = tensile.run(case, scene=scene, watch=watch)
     if -1 in shots:
@@ -134,12 +134,12 @@ def buckled(fabric, steps, cells, height_mm):
     shown, refresh = tensile.displacement(case, scene[0])
     heights = []
 
-    def watch(step, hook):
+    def watch(step, points):
         refresh()
         heights.append(1e3 * float(np.abs(shown.x.array[2::3]).max()))
         if step.number in (1, steps) or step.load == 0.0:
             title = f"{case.fabric.name}, {step.load * 1e3:.3g} mm"
-            view = draw(case, shown, hook, title, by=tensile.picture, view=(0.5, -2.0, 0.9))
+            view = draw(case, shown, points, title, by=tensile.picture, view=(0.5, -2.0, 0.9))
             views[f"{step.load * 1e3:.3g} mm"] = view
 
     table, peak, stopped = tensile.run(case, scene=scene, watch=watch)

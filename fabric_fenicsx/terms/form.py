@@ -1,0 +1,177 @@
+"""A UFL form as a term, on any measure: cells (dx), the rim (ds), edges between cells (dS), points (dP)."""
+
+from typing import Any
+
+import numpy as np
+import ufl
+from dolfinx import fem, la
+from ufl.algorithms import expand_derivatives
+from ufl.form import Form
+
+from ..laws import Array
+from .hook import derive, plain
+from .term import NOWHERE, Indices, Residual, Term
+
+type Rate = tuple[fem.Function, fem.Constant]
+"""A velocity, and its derivative by the unknown in 1/s."""
+
+
+class FormTerm(Term):
+    """A virtual work in UFL, linear in a test function; the stress of a `LawHook` may be in it.
+
+    Public: the compiled `residual`, and `jacobian`, which is compiled when it is first asked for (None for a dead
+    load); `hooks`.
+
+    Args:
+        form: virtual work in J, on any measure; what loads a sheet is negative.
+        q: the unknown.
+        rate: of a motion, whose velocity may be in the form.
+        energy: form of what it stores in J, a number, if it stores anything; laws with a hook tell theirs themselves.
+        symmetric: whether the derivative by q is so in every state; by default, only where UFL can see it.
+    """
+
+    def __init__(
+        self,
+        form: Form,
+        q: fem.Function,
+        *,
+        rate: Rate | None = None,
+        energy: Form | None = None,
+        symmetric: bool | None = None,
+    ) -> None:
+        self.form, self.q, self._rate, self._energy_form, self._declared = form, q, rate, energy, symmetric
+        residual, self.hooks = plain(form)
+        self.residual = fem.form(residual)
+        inputs = [*residual.constants(), *residual.coefficients()]
+        moving: set[Any] = {q, *(hook.stress.ref_coefficient for hook in self.hooks)}
+        if rate is not None:
+            moving.add(rate[0])
+            if rate[0] in inputs:
+                self.account = "damping"
+        # forces that depend on nothing but loads are assembled anew only where those have changed
+        self._dead = None if moving.intersection(inputs) else inputs
+        self._known, self._force = np.full(1, np.nan), np.zeros(0)
+        self.has_kinks = bool(self.hooks)
+
+    def _derive(self) -> None:
+        jacobian = derive(self.form, self.q, self._rate)[1] if self._dead is None else Form([])
+        self._jacobian = fem.form(jacobian) if jacobian.integrals() else None
+        self._symmetric = self._declared
+        if self._declared is None:
+            self._symmetric = self._jacobian is None or (not self.hooks and _is_symmetric(jacobian))
+
+    @property
+    def jacobian(self) -> fem.Form | None:
+        """Derivative of the form by q, compiled."""
+        if not hasattr(self, "_jacobian"):
+            self._derive()
+        return self._jacobian
+
+    @property
+    def symmetric(self) -> bool:  # type: ignore[override]
+        """See `Term.symmetric`."""
+        return self.jacobian is None or bool(self._symmetric)
+
+    def evaluate(self, tangent: bool = True, stiffest: bool = False) -> bool:
+        """See `Term.evaluate`."""
+        return all([hook.evaluate(tangent, stiffest) for hook in self.hooks])
+
+    def add_force(self, total: Array) -> None:
+        """See `Term.add_force`."""
+        if self._dead is None:
+            fem.assemble_vector(total, self.residual)
+            return
+        parts = [np.ravel(c.value) if isinstance(c, fem.Constant) else c.x.array for c in self._dead]
+        known = np.concatenate([*parts, [0.0]])
+        if not np.array_equal(known, self._known):
+            self._known, self._force = known, np.zeros_like(total)
+            fem.assemble_vector(self._force, self.residual)
+        total += self._force
+
+    def pattern(self) -> tuple[Indices, Indices]:
+        """See `Term.pattern`."""
+        if self.jacobian is None:
+            return NOWHERE
+        self._matrix = A = fem.create_matrix(self.jacobian, la.BlockMode.compact)
+        blocks = A.index_map(0).size_local + A.index_map(0).num_ghosts
+        rows = np.repeat(np.arange(blocks, dtype=np.int32), np.diff(A.indptr))
+        found = []
+        for axis, local in enumerate((rows, A.indices)):
+            bs = A.block_size[axis]
+            inside = np.arange(bs).reshape((-1, 1) if axis == 0 else (1, -1))
+            every = A.index_map(axis).local_to_global(local).reshape(-1, 1, 1) * bs + inside
+            found.append(np.broadcast_to(every, (len(local), *A.block_size)).ravel())
+        return found[0], found[1]
+
+    def add_stiffness(self, values: Array) -> None:
+        """See `Term.add_stiffness`."""
+        if self.jacobian is not None:
+            self._matrix.data[:] = 0.0
+            fem.assemble_matrix(self._matrix, self.jacobian)
+            values += self._matrix.data
+
+    def energy(self) -> float | None:
+        """See `Term.energy`."""
+        parts = [hook.points.energy() for hook in self.hooks]
+        if self._energy_form is not None:
+            if not hasattr(self, "_energy"):
+                self._energy = fem.form(self._energy_form)
+            parts.append(float(fem.assemble_scalar(self._energy)))
+        return sum(parts) if parts else None
+
+    def dissipated(self) -> float:
+        """See `Term.dissipated`."""
+        return sum(hook.points.dissipated() for hook in self.hooks)
+
+    def watch(self) -> None:
+        """See `Term.watch`."""
+        for hook in self.hooks:
+            hook.points.watch()
+
+    def commit(self) -> None:
+        """See `Term.commit`."""
+        for hook in self.hooks:
+            hook.points.commit()
+
+    def renew(self) -> None:
+        """See `Term.renew`."""
+        for hook in self.hooks:
+            hook.points.renew()
+
+    def fields(self) -> list[tuple[str, np.ndarray, Array]]:
+        """See `Term.fields`."""
+        return [field for hook in self.hooks for field in hook.points.fields()]
+
+    def worst(self) -> tuple[float, str]:
+        """See `Term.worst`."""
+        return max((hook.points.worst() for hook in self.hooks), default=(0.0, ""))
+
+
+def terms_of(residual: Residual, q: fem.Function, rate: Rate | None = None) -> list[Term]:
+    """The terms of a residual. In a motion, parts of a form with a law, with a velocity and without are told apart.
+
+    rate: of the motion.
+    """
+    found: list[Term] = []
+    for part in residual if isinstance(residual, list | tuple) else [residual]:
+        if isinstance(part, Term):
+            found.append(part)
+        elif isinstance(part, Form):
+            found += [FormTerm(form, q, rate=rate) for form in _split(part, rate)]
+    return found
+
+
+def _split(form: Form, rate: Rate | None) -> list[Form]:
+    if rate is None:
+        return [form] if form.integrals() else []
+    kinds: dict[Any, list[Any]] = {}
+    for integral in expand_derivatives(form).integrals():
+        alone = Form([integral])
+        kind = bool(plain(alone)[1]), rate[0] in alone.coefficients()
+        kinds.setdefault(kind, []).append(integral)
+    return [Form(integrals) for integrals in kinds.values()]
+
+
+def _is_symmetric(jacobian: Form) -> bool:
+    """Whether a form is the same with its arguments exchanged, as far as UFL can see."""
+    return bool(expand_derivatives(ufl.adjoint(jacobian)).signature() == jacobian.signature())

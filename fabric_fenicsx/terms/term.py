@@ -1,0 +1,92 @@
+"""What a residual is a sum of: terms, each with its force, its stiffness, its energy and its history.
+
+Solvers, the account of energies and checkpoints go over a list of terms and know none of them by name. Internal work
+of a shell (`work`), a UFL form (`form`) and inertia (`solvers.motion`) are terms; so is what a user derives.
+"""
+
+from collections.abc import Sequence
+from typing import Literal
+
+import numpy as np
+from ufl.form import Form
+
+from ..laws import Array
+
+type Indices = np.ndarray
+type Residual = Form | "Term" | int | Sequence[Form | "Term"]
+"""What a solver takes: a UFL form, a term, or a list of both; 0 for nothing."""
+
+NOWHERE: tuple[Indices, Indices] = (np.empty(0, dtype=np.int32), np.empty(0, dtype=np.int32))
+"""Pattern of a term without stiffness."""
+
+
+class Term:
+    """A part of a residual; a class derived from this one has to give `add_force`, the rest has defaults.
+
+    Arrays of forces are local ones of the space of the unknown q (of a shell, V), ghosts at their end; what is added
+    to a ghost reaches its owner. Nothing may raise once the term is made, and what a method does may depend on q, the
+    present loads and the last commit, but not on what was asked before.
+    """
+
+    symmetric = False
+    """Whether its stiffness is, in every state."""
+    pattern_changed = False
+    """Whether entries of its stiffness have moved since `pattern` was last asked."""
+    has_kinks = False
+    """Whether its force has kinks, as that of a measured fabric: implicit motion then takes a line search."""
+    account: Literal["external", "damping"] = "external"
+    """What its work is in the account of a motion, where it has no energy."""
+
+    def evaluate(self, tangent: bool = True, stiffest: bool = False) -> bool:
+        """At the present unknowns, under the present loads; False where something is not finite.
+
+        Args:
+            tangent: whether `add_stiffness` will be asked.
+            stiffest: answer as stiffly as the material can, whatever its history, which stays: for explicit steps.
+        """
+        return True
+
+    def add_force(self, total: Array) -> None:
+        """Add the force (N) of the last evaluation to a local array."""
+        raise NotImplementedError
+
+    def pattern(self) -> tuple[Indices, Indices]:
+        """Global rows and columns (n,) of the entries of its stiffness; some may come several times."""
+        return NOWHERE
+
+    def add_stiffness(self, values: Array) -> None:
+        """Add the derivative of the force by q, at the last evaluation, to the entries (n,) of `pattern`."""
+
+    def longest_step(self, change: Array) -> float:
+        """The part of a change of q (local array) that may be taken at most, on this rank; up to 1."""
+        return 1.0
+
+    def energy(self) -> float | None:
+        """What it stores at the last evaluation, J on this rank; None if it has none, and its work is all there is."""
+        return None
+
+    def dissipated(self) -> float:
+        """What it has lost since the last `watch`, J on this rank, at the last evaluation."""
+        return 0.0
+
+    def watch(self) -> None:
+        """Account for energies from the present state on, which is that of the last commit."""
+
+    def commit(self) -> None:
+        """Move the past: the step to the last evaluation has happened."""
+
+    def restore(self) -> None:
+        """The unknowns are back at the last commit."""
+        self.evaluate()
+
+    def renew(self) -> None:
+        """Unknowns and `fields` have been put in place from a checkpoint."""
+        self.evaluate()
+
+    def fields(self) -> list[tuple[str, np.ndarray, Array]]:
+        """What a checkpoint has to hold: names, local cells (cells,), and an array (cells, numbers of a cell) each."""
+        return []
+
+    def worst(self) -> tuple[float, str]:
+        """Largest strain on this rank, infinite where it or its stress is not finite; and where, for a message."""
+        return 0.0, ""
