@@ -89,7 +89,7 @@ with results.Table(args.out / "history.csv") as table:
 
 if MPI.COMM_WORLD.rank == 0:
     fabric.plot(args.out / "curves.png")
-strain = strip.hook.strain.mean(axis=1)[:, 0]
+strain = strip.points.strain.mean(axis=1)[:, 0]
 pictures.picture(args.out / "deformed.png", strip.u, strain, "warp strain E11 (-)", fabric.label)
 
 # %% [markdown]

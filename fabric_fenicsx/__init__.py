@@ -45,8 +45,7 @@ The other rooms serve these: `surfaces.checking`, `surfaces.grouping` and `surfa
 `surfaces.abaqus_lines`, `surfaces.abaqus_parts` and `surfaces.polygon_files`; `shell.rotation` and `shell.dirichlet`
 the directors, `terms.kernels` the stiffness, `solvers.tangent` the matrix, `solvers.stepper`, `solvers.step` and
 `solvers.stable_step` the motions, `solvers.held` statics, `solvers.reactions` and `solvers.failures` all of them,
-`entries` the TOML files, `compiling` the forms that are compiled once and kept,
-`app.doctor` the command.
+`entries` the TOML files, `compiling` the forms that are compiled once and kept, `app.doctor` the command.
 
 The five demos `my_fabric`, `my_mesh`, `my_load`, `my_law` and `my_term` are short, each ends in an exact check, and are
 meant to be copied and changed.
