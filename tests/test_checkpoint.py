@@ -141,7 +141,7 @@ def test_contents_are_checked(tmp_path):
         ({"numbers": numbers.astype(str)}, "not one for each name"),
         ({"marks": np.array("{")}, "made with cannot be read"),
         ({"marks": np.array("3")}, "made with cannot be read"),
-        ({"format": np.array(1)}, "format 1, not 2"),
+        ({"format": np.array(1)}, "format 1, not 3"),
     ]
     for changes, reason in cases:
         np.savez(bad, **{name: array for name, array in (good | changes).items() if array is not None})

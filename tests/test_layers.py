@@ -36,7 +36,7 @@ FLOORS = [
     {
         "solvers": [
             {"held"},
-            {"linear", "continuation", "checkpoint", "reactions", "tangent"},
+            {"linear", "continuation", "checkpoint", "reactions", "tangent", "failures"},
             {"statics", "motion"},
             {"step", "stable_step", "stepper"},
             {"newmark", "explicit"},

@@ -19,6 +19,7 @@ from ..terms.term import Residual, Term
 from . import linear
 from .continuation import Step as Step
 from .continuation import march as march
+from .failures import REASONS, failed
 from .reactions import Reactions
 from .tangent import Tangent
 
@@ -44,7 +45,7 @@ class StaticSolver(Reactions):
         u: the unknown, in m; for a shell, (u, d) of `space`.
         bcs: Dirichlet conditions on the space of u, whose values may change between solves.
         rtol: a step is solved when the residual at the free unknowns is below rtol times the largest nodal force or
-            support force so far, or the last correction below 1e-9 of the displacement, or below what numbers resolve.
+            support force so far, or the last correction below 1e-9 of the displacement or 1e-14 of the sheet's size.
         options: PETSc options, over `OPTIONS`; for a sheet too large for the default, `linear.ITERATIVE`.
         space: of a shell, whose directors the solver turns.
     """
@@ -68,11 +69,11 @@ class StaticSolver(Reactions):
         self._accepted = self._y.x.array.copy()
         self.scale = self._size = self._push = 0.0
         self._met, self._pushed = True, False
+        self._nothing = 1e-14 * self.comm.allreduce(np.abs(u.function_space.mesh.geometry.x).max(initial=0.0), MPI.MAX)
         self._fault: Exception | None = None
         self.residuals: list[float] = []
         """Norms of the residual in the last solve, N."""
-        self.linear_iterations = 0
-        """Of all solves so far; with LU, a linear system takes one."""
+        self.linear_iterations = 0  # of all solves so far; with LU, a linear system takes one
         self._force = fempetsc.create_vector(u.function_space)
         self._x, self._b = (fempetsc.create_vector(self._y.function_space) for _ in range(2))
         every = np.arange(self._x.local_size) if space is None else np.array(space.W.sub(0).collapse()[1])
@@ -91,7 +92,6 @@ class StaticSolver(Reactions):
         blocks, components = np.divmod(self._given, dofmap.index_map_bs)
         rows = dofmap.index_map.local_to_global(blocks.astype(np.int32)) * dofmap.index_map_bs + components
         self._given_rows, self._targets = rows.astype(PETSc.IntType), self._y.x.array
-
         self.snes = PETSc.SNES().create(self.comm)
         self.snes.setFunction(_weak(self._residual), self._b)
         self.snes.setJacobian(_weak(self._jacobian), self.tangent.A)
@@ -244,8 +244,9 @@ class StaticSolver(Reactions):
             self._push, self._pushed = self._size, False
         if self._met and residual <= self.rtol * max(self.scale, self._size, self._push):
             return PETSc.SNES.ConvergedReason.CONVERGED_FNORM_RELATIVE
-        # a thin shell is so stiff in its surface that round-off alone can be more force than that
-        if self._met and iteration > 0 and correction <= 1e-9 * size:
+        # a thin shell is so stiff in its surface that round-off alone can be more force than that; and a sheet that
+        # nothing moves is in balance
+        if self._met and iteration > 0 and correction <= max(1e-9 * size, self._nothing):
             return PETSc.SNES.ConvergedReason.CONVERGED_SNORM_RELATIVE
         return None
 
@@ -265,7 +266,7 @@ class StaticSolver(Reactions):
             return moved + self.snes.getIterationNumber()
         if reason == PETSc.SNES.ConvergedReason.DIVERGED_FUNCTION_NANORINF:
             self.residuals.append(np.nan)  # PETSc has not asked `converged` about this one
-        raise self.failure(reasons.get(reason, str(reason)))
+        raise self.failure(REASONS.get(reason, str(reason)))
 
     def failure(self, reason: str) -> StepFailed:
         """What to raise when Newton's method has failed; restores. RuntimeError, on every rank, if a law raised."""
@@ -275,10 +276,7 @@ class StaticSolver(Reactions):
             raise RuntimeError(f"A law must not raise, but one did: {faults[0]}.") from self._fault
         worst = max(self.comm.allgather(max(term.worst() for term in self.terms)))
         self.restore()
-        norms = [f"{norm:.2e}" for norm in self.residuals]
-        history = ", ".join(norms if len(norms) <= 8 else [*norms[:4], "...", *norms[-4:]])
-        where = f"; largest strain in {worst[1]}" if worst[1] else ""
-        return StepFailed(f"Newton's method failed ({reason}); residuals in N: {history}{where}")
+        return failed(reason, self.residuals, worst[1])
 
     def commit(self) -> None:
         """Accept the present u: the only call that moves the past."""
@@ -305,6 +303,3 @@ class StaticSolver(Reactions):
 
     def _unknown(self) -> fem.Function:
         return self.u
-
-
-reasons = {value: name.lower() for name, value in vars(PETSc.SNES.ConvergedReason).items() if isinstance(value, int)}
