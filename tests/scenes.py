@@ -121,7 +121,10 @@ class Toy:
 
 
 class Impatient(Toy):
-    """The toy law, but not a number where a component moves by more than `stride` in one increment."""
+    """The toy law, but not a number where a component moves by more than `stride` in one increment.
+
+    A sheet looks at its law before it takes it, and may not see this: give the stride when it is made.
+    """
 
     initial_state = np.zeros(3)
 

@@ -13,6 +13,7 @@ from mpi4py import MPI
 from tqdm import tqdm
 
 from ..errors import InputError, StepFailed
+from . import held
 
 
 class Solver(Protocol):
@@ -26,7 +27,6 @@ class Solver(Protocol):
 
     def solve(self) -> int: ...
     def commit(self) -> None: ...
-    def require_held(self, set_load: Callable[[float], None], start: float, load: float) -> None: ...
     def begin(self) -> Any: ...
     def aim(self) -> None: ...
     def residual(self, x: Any) -> Any: ...
@@ -73,7 +73,7 @@ def march(
         raise InputError("A march needs at least one load step.")
     if not np.isfinite(loads).all():
         raise InputError("The loads of a march must be finite numbers.")
-    solver.require_held(set_load, float(start), float(loads[0]))
+    held.require(solver, set_load, float(start), float(loads[0]))
     fraction, done = 1.0, float(start)
     with progress_bar(len(loads), progress, solver.comm) as bar:
         for number, target in enumerate(map(float, loads), 1):
@@ -136,7 +136,7 @@ def arc_length(
     if not (np.isfinite(first) and first != 0.0):
         raise InputError(f"The first load of a path must be a number other than 0, not {first!r}.")
     load = float(start)
-    solver.require_held(set_load, load, load + first)
+    held.require(solver, set_load, load, load + first)
     way: _Way | None = None
     before: _Way | None = None
     # length of a step: that of the whole first one, m, times part

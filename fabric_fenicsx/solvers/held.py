@@ -74,11 +74,11 @@ class FreeMotion:
 
 
 def require(solver: Any, set_load: Callable[[float], None], start: float, load: float) -> None:
-    """Raise InputError, on every rank, where the unstrained sheet of a `StaticSolver` is not held at the load `start`.
+    """Raise InputError, on every rank, where a `StaticSolver`'s unstrained sheet is not held at the load `start`.
 
     Let off is what the first `load` keeps in its place: a curtain may turn about its rod, which its weight prevents.
     """
-    free = free_motions(solver, lambda: set_load(start))
+    free = free_motions(solver, lambda: set_load(start)) if solver.scale == 0.0 else []
     if not free:
         return
     set_load(load)

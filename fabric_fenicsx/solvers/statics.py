@@ -195,11 +195,6 @@ class StaticSolver(Reactions):
         self._x.array_w[self._given] = self._targets[self._given]
         return int(far)
 
-    def require_held(self, set_load: Callable[[float], None], start: float, load: float) -> None:
-        """Raise InputError, on every rank, for a sheet that is unstrained so far and that nothing holds; see `held`."""
-        if self.scale == 0.0:
-            held.require(self, set_load, start, load)
-
     # -- the parts of Newton's method, also for one of another kind (`continuation`) -----------------------
 
     def begin(self) -> PETSc.Vec:
