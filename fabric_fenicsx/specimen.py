@@ -48,13 +48,15 @@ def strip(
     degree: int = 1,
     level: str = "plane",
     imperfection: float = 0.0,
+    quadrature: int | None = None,
 ) -> Strip:
     """A strip along x between its groups fixed_end and pulled_end, the warp at `angle` (radians) to x.
 
     `ends` may contract where they are "free"; the group pin then holds one point. `level` of the kinematics is
     "plane", "membrane" or "shell", the latter two of a mesh in space: there the ends stay in their plane and are
     gripped; while the strip is flat it does what it does in the plane. `imperfection` (m) bends a shell into a half
-    wave.
+    wave. `quadrature` is the degree of polynomials whose work in the plane is integrated exactly, by
+    default twice `degree`.
     """
     plane, mesh, h = level == "plane", domain.mesh, fabric.thickness
     warp = (np.cos(angle), np.sin(angle), 0.0)
@@ -70,9 +72,10 @@ def strip(
     else:
         flat = fem.functionspace(mesh, ("Lagrange", degree, (mesh.geometry.dim,)))
         u, v = fem.Function(flat), ufl.TestFunction(flat)
-        axes = yarns.plane_axes(mesh, angle) if plane else yarns.surface_axes(mesh, warp, 2 * degree)
+        points = quadrature or 2 * degree
+        axes = yarns.plane_axes(mesh, angle) if plane else yarns.surface_axes(mesh, warp, points)
         strain = kinematics.membrane_strain(u, axes)
-        cloth = hook.LawHook(law, strain, mesh, degree=2 * degree)
+        cloth = hook.LawHook(law, strain, mesh, degree=points)
         residual = weakform.internal(cloth.stress, strain, u, v, fem.Constant(mesh, h), cloth.dx)
         if not plane:
             # across itself a membrane without stress has no stiffness: it lies on a soft foundation

@@ -21,6 +21,7 @@ from fabric_fenicsx.identify import (
     listing,
     markers,
     net,
+    origin,
     records,
     report,
     synthetic,
@@ -440,15 +441,16 @@ def test_a_force_at_the_start_is_taken_off(seed, part, sign):
     d, noise = np.linspace(0, 0.02, 300), np.random.default_rng(seed).standard_normal(300)
     force = 2e3 * d + 1e5 * d**2
     clean = force + 0.01 * force.max() * noise
-    record = branches.balance(records.Record("a.csv", d, clean + sign * part * force.max()), np.arange(300))
+    whole = branches.Branches(np.arange(300), [], ())
+    record, _ = origin.find(records.Record("a.csv", d, clean + sign * part * force.max()), whole, 0.0762)
     assert np.abs(record.force - clean).max() < 0.03 * force.max()
     assert re.search(r"a\.csv: the force begins at [+-]\d+\.\d % of its peak", record.notes[0])
     with pytest.raises(InputError, match=r"a\.csv: .* which is no pre-load; zero the load cell"):
-        branches.balance(records.Record("a.csv", d, clean + 0.35 * force.max()), np.arange(300))
+        origin.find(records.Record("a.csv", d, clean + 0.35 * force.max()), whole, 0.0762)
     with pytest.raises(InputError, match=r"a\.csv: the force stays near 50 N; check"):
-        branches.balance(records.Record("a.csv", d, np.full(300, 50.0)), np.arange(300))
+        origin.find(records.Record("a.csv", d, np.full(300, 50.0)), whole, 0.0762)
     exact = records.Record("a.csv", d, force)
-    assert branches.balance(exact, np.arange(300)) is exact
+    assert origin.find(exact, whole, 0.0762)[0] is exact
 
 
 def test_a_fabric_comes_back_from_records_as_they_come(tmp_path):

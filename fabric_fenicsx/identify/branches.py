@@ -1,19 +1,17 @@
 """Takes a record apart: where the fabric is loaded for the first time, and where it is unloaded from a peak."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
 
 from ..errors import InputError
 from ..laws import Array
-from . import curves
+from .cleaning import noise, running_median
 from .records import Record
 
+LEAP = 0.2  # part of its range by which the force of no strip rises from one reading to the next
 FALL = 0.8  # a force that ends below this part of its peak, while the strip is still drawn, has passed yield
-
-CONSTANT = 0.01  # a force that grows by less than this part of its first value is none of a test
-SMALL, OFFSET = 0.005, 0.2  # a force at the start below the first part of its peak is none, above the other no pre-load
 
 
 @dataclass(frozen=True)
@@ -25,29 +23,6 @@ class Branches:
     unloading: list[np.ndarray]
     """One run of readings for each way back from a virgin peak, the peak first."""
     notes: tuple[str, ...]
-
-
-def balance(record: Record, virgin: np.ndarray) -> Record:
-    """The same without a force at the start that is more than noise: a pre-load, an offset, or a first friction.
-
-    Raises InputError where it is too large for any of these.
-    """
-    force = record.force[virgin]
-    first = curves.offset(record.displacement[virgin], force)
-    peak = float(_median(force).max()) - first
-    if abs(first) < SMALL * peak:
-        return record
-    if peak < CONSTANT * abs(first):
-        raise InputError(
-            f"{record.file}: the force stays near {first:.4g} N; check that its column is the load cell's, and zeroed."
-        )
-    start = f"{record.file}: the force begins at {100 * first / peak:+.1f} % of its peak"
-    if abs(first) > OFFSET * peak:
-        raise InputError(
-            f"{start}, which is no pre-load; zero the load cell, or subtract the offset from the column of the force."
-        )
-    note = f"{start} (pre-load, offset or friction); subtracted."
-    return replace(record, force=record.force - first, notes=(*record.notes, note))
 
 
 def split(record: Record) -> Branches:
@@ -68,7 +43,8 @@ def split(record: Record) -> Branches:
             unloading.append(run)
     loading = np.concatenate(virgin) if virgin else np.empty(0, dtype=int)
     _enough(record, loading, "the displacement grows")
-    force = _median(record.force[loading])
+    force = running_median(record.force[loading])
+    _jump(record, loading, force)
     top = int(force.argmax())
     if force[-1] < FALL * force[top]:
         loading = loading[: top + 1]
@@ -84,6 +60,20 @@ def _enough(record: Record, loading: np.ndarray, what: str) -> None:
         raise InputError(
             f"{record.file}: {what} over {len(loading)} readings only, and a curve needs 8; "
             "check the columns of force and displacement, or record more densely."
+        )
+
+
+def _jump(record: Record, loading: np.ndarray, smooth: Array) -> None:
+    """Refuse a force that leaps up between two readings that are no further apart than others; a break falls."""
+    way, rise = np.diff(record.displacement[loading]), np.diff(smooth)
+    least = max(LEAP * float(np.ptp(smooth)), 20 * float(np.median(np.abs(rise))))
+    leaps = np.flatnonzero((rise > least) & (way < 5 * np.median(way)))
+    if len(leaps):
+        k = int(leaps[0])
+        before, after = record.force[loading[[max(k - 1, 0), min(k + 2, len(loading) - 1)]]]
+        raise InputError(
+            f"{record.file}: the force leaps from {before:.4g} to {after:.4g} N at "
+            f"{1e3 * record.displacement[loading[k]]:.4g} mm; look for an overload or another unit in its column."
         )
 
 
@@ -112,17 +102,3 @@ def turning_points(values: Array, threshold: float) -> list[int]:
             points.append(extreme)
             way, extreme = -way, i
     return points + ([extreme] if extreme > points[-1] else [])
-
-
-def noise(values: Array) -> float:
-    """Standard deviation of the noise on a smooth signal, from its second differences; a few kinks do no harm."""
-    if len(values) < 5:
-        return 0.0
-    second = np.abs(np.diff(values, 2))
-    return float(np.median(second) / 0.6745 / np.sqrt(6))
-
-
-def _median(values: Array, half: int = 2) -> Array:
-    """Running median of five: a single bad reading is no peak."""
-    padded = np.pad(values, half, mode="edge")
-    return np.median(np.lib.stride_tricks.sliding_window_view(padded, 2 * half + 1), axis=1)

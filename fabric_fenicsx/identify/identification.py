@@ -7,10 +7,14 @@ import numpy as np
 
 from ..errors import InputError
 from ..laws import Array
-from . import branches, curves, listing, markers, records
+from . import branches, curves, listing, markers, origin, records
 from .curves import Estimate, Loading, Readings
 
 WAYS = ("warp", "weft", "shear")
+POOR = 0.1  # root mean square of a fit over the peak stress from which on a curve is none of a fabric
+UNSURE = (
+    0.3  # standard error over the value of an unloading modulus, and scatter of a ratio from patch to patch, likewise
+)
 NOT_TESTED = "compression, bending, tension in both directions at once, the rate, and strains beyond the ranges"
 
 
@@ -41,6 +45,7 @@ class Identified:
     displacement: dict[str, float]  # m
     yarn_stretch: float | None  # largest, of the marked yarns
     notes: list[str] = field(default_factory=list)
+    tested: list[records.Record] = field(default_factory=list)  # all records of force
 
     @property
     def kilby(self) -> float | None:
@@ -94,6 +99,26 @@ class Identified:
             for way, curve in known.items()
         ]
 
+    @property
+    def doubts(self) -> list[str]:
+        """What the records tell so badly that a fabric of it would be wrong, in words."""
+        known = self.curves | ({"bias": self.bias} if self.bias else {})
+        out = [
+            f"{way} curve: fit error (rms) {100 * curve.loading.residual:.2g} % of the peak stress"
+            for way, curve in known.items()
+            if not curve.loading.residual < POOR
+        ]
+        out += [word for record in self.tested for word in record.doubts]
+        for way, curve in self.curves.items():
+            if curve.unloading and not abs(curve.unloading.error) < UNSURE * abs(curve.unloading.value):
+                value, error = curve.unloading.value / 1e6, curve.unloading.error / 1e6
+                out.append(f"{way} unloading: {value:.4g} ± {error:.2g} MPa")
+        for key, several in self.contractions.items():
+            worst = max(several, key=lambda one: np.nan_to_num(one.patches))
+            if worst.patches > UNSURE * max(abs(worst.ratio), 1.0):
+                out.append(f"{key}: {worst.ratio:.4g}, from patch to patch of a strip ± {worst.patches:.2g}")
+        return out
+
     def unloading(self, way: str) -> float:
         """Unloading modulus (Pa) for the fabric: measured, else assumed, but nowhere less than the loading modulus."""
         curve = self.curves[way]
@@ -115,12 +140,15 @@ def identify(tests: listing.Tests) -> Identified:
     notes: list[str] = []
     displacement: dict[str, float] = {}
     bias, bias_records, stretch = None, [], None
+    tested: list[records.Record] = []
     for way in ("warp", "weft", "bias"):
         if way not in tests.records:
             continue
-        read = [records.read(path, tests.strip, tests.columns) for path in tests.records[way]]
+        read = [one for path in tests.records[way] for one in records.read_all(path, tests.strip, tests.columns)]
         parts = [branches.split(record) for record in read]
-        read = [branches.balance(record, part.virgin) for record, part in zip(read, parts, strict=True)]
+        begun = [origin.find(*both, tests.strip.gauge_length, tests.preload) for both in zip(read, parts, strict=True)]
+        read, parts = [record for record, _ in begun], [part for _, part in begun]
+        tested += read
         axial = _curve(tests.strip, read, parts)
         notes += [note for r, p in zip(read, parts, strict=True) for note in (*r.notes, *p.notes)]
         displacement[way] = tests.strip.gauge_length * (np.sqrt(1 + 2 * axial.loading.limit) - 1)
@@ -142,7 +170,7 @@ def identify(tests: listing.Tests) -> Identified:
     poisson = {
         key: _mean([c.ratio for c in several], [c.patches for c in several]) for key, several in contractions.items()
     }
-    answer = Identified(tests, found, poisson, contractions, bias, bias_records, displacement, stretch, notes)
+    answer = Identified(tests, found, poisson, contractions, bias, bias_records, displacement, stretch, notes, tested)
     return replace(answer, notes=notes + _remarks(answer))
 
 

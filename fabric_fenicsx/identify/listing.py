@@ -13,7 +13,9 @@ Every key; the files that it names are told in `fabric_fenicsx.identify.records`
     source = "tested on ..."        # optional, as is all that follows but one record
     columns = ["displacement (mm)", "force (N)"]  # of records of force that do not name theirs
 
-    [records]                       # files beside this one, one a specimen; lines as "displacement (mm),force (N)"
+    preload_N = 0                   # at which the tests began; 0 if a force at the start is an offset of the load cell
+
+    [records]                       # files beside this one, each of one specimen; as "displacement (mm),force (N)"
     warp = ["warp_1.csv", "warp_2.csv"]
     weft = ["weft_1.csv"]
     bias = ["bias_1.csv"]
@@ -54,6 +56,7 @@ class Tests:
     records: dict[str, list[Path]]
     assumed: dict[str, float]
     columns: list[str] = field(default_factory=list)
+    preload: float | None = None  # N
 
 
 def read(path: str | Path) -> Tests:
@@ -64,7 +67,7 @@ def read(path: str | Path) -> Tests:
         raise InputError(f"{path}: cannot be read ({error.strerror}); give the path of a list of tests.") from error
     except ValueError as error:
         raise InputError(f"{path}: is not TOML ({error}); correct it there.") from error
-    _expect(path, "", entries, (*TEXTS, *NUMBERS, "records"), ("source", "columns", "assumed"))
+    _expect(path, "", entries, (*TEXTS, *NUMBERS, "records"), ("source", "columns", "preload_N", "assumed"))
     for key in (*TEXTS, "source"):
         if not isinstance(entries.get(key, "-"), str) or not entries.get(key, "-").strip():
             raise InputError(f"{path}: {key} is not a text; write at least one word in double quotes.")
@@ -95,6 +98,7 @@ def read(path: str | Path) -> Tests:
         records,
         {key: _number(path, f"assumed.{key}", value, zero=key in RATIOS) for key, value in assumed.items()},
         columns,
+        _number(path, "preload_N", entries["preload_N"], zero=True) if "preload_N" in entries else None,
     )
 
 

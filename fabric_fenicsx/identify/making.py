@@ -4,6 +4,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
+from ..errors import InputError
 from ..fabrics import Fabric
 from . import fabric_file, net, report
 from .identification import Identified, identify
@@ -24,7 +25,8 @@ def make(
     """Identify the fabric of a list of tests; the path of its file, and the fabric.
 
     Writes report.pdf, report.png and fabric.toml into `out`. shear: of `SHEAR`; mesh and ends: of the simulated
-    strip, see `inverse.shear`. Raises InputError, after the report, where no whole fabric comes of the tests.
+    strip, see `inverse.shear`. Raises InputError, after the report, where no whole fabric comes of the tests, and after
+    the fabric, where the records do not fit it.
     """
     found = identify(read(tests))
     if shear != "photographs":
@@ -41,7 +43,13 @@ def make(
         report.write(found, out / f"report.{ending}")
     for word in (*found.notes, *found.fits, "not determined:", *(found.undetermined or ["nothing"])):
         say(f"  {word}")
-    return fabric_file.write(found, out)
+    path, fabric = fabric_file.write(found, out)
+    if found.doubts:
+        raise InputError(
+            f"{found.tests.file}: the fabric is not to be trusted: {'; '.join(found.doubts)}; {path} is written, but "
+            "look at the report for readings that are off, correct the records and identify again."
+        )
+    return path, fabric
 
 
 def _without_photographs(found: Identified) -> Identified:

@@ -1,6 +1,5 @@
 """What photographs tell: Poisson's ratios from dots on the strip (3.3.3), shear strain from marked yarns (3.3.4)."""
 
-import re
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -9,10 +8,12 @@ from scipy.spatial import Delaunay
 
 from ..errors import InputError
 from ..laws import Array
-from .records import Record
-from .tables import Table, read_table
+from . import cleaning, dots, readings
+from .records import WORDS, Record
+from .tables import read_table
 
 STILL = 1e-3  # photographs whose displacement is below this part of the largest one show the strip at rest
+START = 0.02  # a first photograph below this part of it is taken for rest
 
 
 @dataclass(frozen=True)
@@ -33,41 +34,66 @@ def contraction(path: str | Path) -> Contraction:
     A line is a photograph; a dot is a pair of columns such as "a_x_mm,a_y_mm" or "x1 (px),y1 (px)". With a column of
     the displacement, all photographs at rest make the reference, else the first one does; those after the largest
     stretch are not used. The strain is that of the deformation gradient that fits all dots best, so the camera may
-    be turned and a dot be missing; the scatter is from the triangles between neighbouring dots. The load is along
-    the direction, x or y, in which the dots spread.
+    be turned and a dot be missing; the scatter is from the triangles between neighbouring dots. Readings of
+    dots and photographs that are far off the others are left out. The load is along the direction, x or y, in which
+    the dots spread.
     """
     table = read_table(path, ("x", "y"), "displacement_mm,a_x_mm,a_y_mm,b_x_mm,b_y_mm,c_x_mm,c_y_mm")
-    x = _dots(table)
-    if not len(x):
-        raise InputError(f"{table.file}: has no photographs, and a ratio needs 3 and one at rest; take some.")
+    pairs = dots.columns(table)
+    moved = [i for i, (name, _) in enumerate(table.columns) if any(word in name for word in WORDS["displacement"])]
+    table = table.readings([i for pair in pairs.values() for i in pair] + moved[:1])
+    file = table.file
+    if not table.cells:
+        raise InputError(f"{file}: has no photographs, and a ratio needs 3 and one at rest; take some.")
+    if len(readings.groups(table, [])) > 1 or len(set(table.blocks)) > 1:
+        raise InputError(
+            f"{file}: holds several specimens, or its head twice; put each specimen into a file of its own."
+        )
+    x, notes = dots.clean(table, list(pairs), dots.read(table, pairs))
+    notes = [*table.notes, *notes]
     rest = np.zeros(len(x), dtype=bool)
     rest[0] = True
-    moved = [i for i, (name, _) in enumerate(table.columns) if "displacement" in name or "extension" in name]
     if moved:
         d = table.si(moved[0], ("length",))[1]
-        rest |= np.abs(d) < STILL * np.nanmax(np.abs(d))
+        reach = float(np.nanmax(np.abs(d), initial=0.0))
+        if abs(d[0]) > START * reach:
+            raise InputError(
+                f"{file}: the first photograph, in line {table.lines[0]}, is at a displacement of {1e3 * d[0]:.4g} mm, "
+                "not at rest; add the one at rest, or count the displacement from it."
+            )
+        rest |= np.abs(d) < STILL * reach
+    else:
+        notes.append(f"{file}: has no column of the displacement; its first line is taken for rest.")
+    if np.isfinite(x[rest]).all(axis=-1).sum() < 3:
+        raise InputError(
+            f"{file}: line {table.lines[0]}, the photograph at rest, shows fewer than three dots; find its dots again."
+        )
     with np.errstate(invalid="ignore"):
         seen = np.isfinite(x[rest]).any(axis=0).all(axis=-1)
-        X = np.nanmean(np.where(np.isfinite(x[rest]), x[rest], np.nan)[:, seen], axis=0)
+        X = np.nanmedian(x[rest][:, seen], axis=0)
     x = x[:, seen]
     if len(X) < 3 or np.linalg.matrix_rank(X - X.mean(axis=0), tol=1e-3 * np.ptp(X)) < 2:
-        raise InputError(f"{table.file}: fewer than three dots, not in line, are seen at rest; mark a grid of dots.")
+        raise InputError(f"{file}: fewer than three dots, not in line, are seen at rest; mark a grid of dots.")
     E = _strains(x, X)
+    whole = np.flatnonzero(np.isfinite(E).all(axis=1))
+    off = whole[np.any([cleaning.wild(E[whole, i]) for i in range(2)], axis=0)]
+    notes += [f"{file}: the photograph in line {table.lines[k]} is far off the others and is left out." for k in off]
+    x[off] = np.nan
+    if np.isfinite(x[rest]).any(axis=0).all():
+        X = np.nanmean(x[rest], axis=0)
+    E = _strains(x, X)
+    if not np.isfinite(E).any():
+        raise InputError(f"{file}: no photograph shows three dots that are seen at rest; find the dots again.")
     last = int(np.nanargmax(np.abs(E[:, [0, 1]]).max(axis=1) * (E[:, [0, 1]].max(axis=1) > 0)))
     axis = int(np.argmax(E[last, :2]))
     if abs(E[last, 2]) > 0.5 * abs(E[last, axis]):
         raise InputError(
-            f"{table.file}: the dots spread along neither x nor y; turn the coordinates so that one is along the load."
+            f"{file}: the dots spread along neither x nor y; turn the coordinates so that one is along the load."
         )
-    notes = (
-        []
-        if moved or rest.sum() > 1
-        else [f"{table.file}: has no column of the displacement; its first line is taken for rest."]
-    )
     upto = int(np.nanargmax(E[:, axis]))
     used = np.flatnonzero(np.isfinite(E[: upto + 1, axis]) & ~rest[: upto + 1])
     if len(used) < 3:
-        raise InputError(f"{table.file}: has {len(used)} photographs of the loading, and a ratio needs 3; take more.")
+        raise InputError(f"{file}: has {len(used)} photographs of the loading, and a ratio needs 3; take more.")
     along, across = E[used, axis], E[used, 1 - axis]
     ratios, triangles = [], Delaunay(X).simplices
     area = np.abs(np.linalg.det(X[triangles[:, 1:]] - X[triangles[:, :1]]))
@@ -77,7 +103,7 @@ def contraction(path: str | Path) -> Contraction:
         if good.sum() >= 3:
             ratios.append(_through_origin(patch[good, axis], patch[good, 1 - axis]))
     spread = float(np.std(ratios, ddof=1)) if len(ratios) > 1 else float("nan")
-    return Contraction(table.file, along, across, _through_origin(along, across), spread, tuple(notes))
+    return Contraction(file, along, across, _through_origin(along, across), spread, tuple(notes))
 
 
 def shear_strain(record: Record) -> Array:
@@ -107,28 +133,6 @@ def shear_strain(record: Record) -> Array:
 
 def _through_origin(along: Array, across: Array) -> float:
     return float(-(along @ across) / (along @ along))
-
-
-def _dots(table: Table) -> Array:
-    """Coordinates (photographs, dots, 2); any unit, the same for all."""
-    found: dict[str, dict[str, int]] = {}
-    for i, (name, _) in enumerate(table.columns):
-        match = re.fullmatch(r"(.*?) ?([xy])", name) or re.fullmatch(r"()([xy]) ?(.+)", name)
-        if match and table.columns[i][1] is not None:
-            found.setdefault((match.groups() + ("",))[0] or (match.groups() + ("",))[2], {})[match[2]] = i
-    for dot, pair in found.items():
-        if len(pair) < 2:
-            raise InputError(
-                f"{table.file}: dot {dot!r} has one coordinate only; give columns {dot}_x_mm and {dot}_y_mm."
-            )
-    if len(found) < 3:
-        raise InputError(
-            f"{table.file}: has {len(found)} dots, and a strain needs 3; give columns such as a_x_mm, a_y_mm."
-        )
-    read = [[table.si(pair[c], ("length", "pixels")) for c in "xy"] for pair in found.values()]
-    if len({kind for pair in read for kind, _ in pair}) > 1:
-        raise InputError(f"{table.file}: some dots are in pixels and some in a length; give all in one unit.")
-    return np.array([[values for _, values in pair] for pair in read]).transpose(2, 0, 1)
 
 
 def _strains(x: Array, X: Array) -> Array:

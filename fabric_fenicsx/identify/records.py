@@ -5,32 +5,38 @@
 or, as other machines write it, `Extension (mm);Load (N)`; the time is optional, and a strain may stand for the
 displacement, a stress or a force per width for the force. Several readings up, and where there are any, back.
 
-What a file may have and is mended, with a note: lines of text before the columns, units in a line of their own,
-semicolons, tabs and decimal commas, readings that are missing, times out of order, force or displacement with
-reversed sign, a displacement that does not begin at zero. Anything else is refused in one sentence (`InputError`).
+What a file may have and is understood: lines of text before the columns, between the readings and after them, units in
+a line of their own, commas, semicolons, tabs, bars or spaces between the columns, decimal commas, marks between
+thousands, repeated heads, other columns of any text, UTF-8, UTF-16, Shift-JIS and Latin letters, and several specimens,
+each below a head of its own or told apart by a column "specimen". What is mended, with a note: readings that are
+missing, single wild readings, times out of order, clocks that restart, times that cannot be read, force or displacement
+with reversed sign, a displacement that does not begin at zero, slack and pre-load (`identify.origin`). Anything else is
+refused in one sentence (`InputError`).
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
 
 from ..errors import InputError
 from ..laws import Array
-from . import units
+from . import cleaning, readings, units
 from .tables import Table, read_table
 
 WORDS = {
-    "time": ("time",),
-    "force": ("force", "load", "stress"),
-    "displacement": ("displacement", "extension", "elongation", "stroke", "crosshead", "position", "travel", "strain"),
+    "time": ("time", "zeit", "temps", "tiempo", "時間"),
+    "force": ("force", "load", "stress", "kraft", "fuerza", "荷重", "試験力"),
+    "displacement": (
+        *("displacement", "extension", "elongation", "stroke", "crosshead", "position", "travel", "strain"),
+        *("weg", "dehnung", "déplacement", "allongement", "desplazamiento", "変位", "ストローク", "伸び"),
+    ),
     "warp_stretch": ("warp stretch",),
     "weft_stretch": ("weft stretch",),
     "angle": ("angle",),
 }
 ALLOWED = {
-    "time": ("time",),
     "force": ("force", "force per width", "stress"),
     "displacement": ("length", "ratio"),
     "warp_stretch": ("ratio",),
@@ -60,7 +66,8 @@ class Record:
     """One test in the order of time: displacement (n,) in m from zero, force (n,) in N, tension positive.
 
     `yarns` holds, if the file does, warp_stretch (n,), weft_stretch (n,) and angle (n,) in radians of the
-    marked yarns of a bias test, NaN where there is no photograph. `notes` says what was mended.
+    marked yarns of a bias test, NaN where there is no photograph. `notes` says what was mended, `doubts` what it may
+    have been instead. `zero` is the displacement (m) in the file where it is zero here.
     """
 
     file: str
@@ -68,63 +75,101 @@ class Record:
     force: Array
     yarns: dict[str, Array] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
+    zero: float = 0.0
+    doubts: tuple[str, ...] = ()
 
 
 def read(path: str | Path, strip: Strip, columns: Sequence[str] = ()) -> Record:
-    """A tensile test from a CSV file.
+    """The tensile test of a CSV file of one specimen, see `read_all`."""
+    several = read_all(path, strip, columns)
+    if len(several) > 1:
+        raise InputError(f"{Path(path).name}: holds {len(several)} specimens; put each into a file of its own.")
+    return several[0]
+
+
+def read_all(path: str | Path, strip: Strip, columns: Sequence[str] = ()) -> list[Record]:
+    """The tensile tests of a CSV file, one of each specimen.
 
     Columns, by a word in their names: force or load, in a unit of force, of force per width, or of nominal stress
     (force over the first cross-section); displacement, extension, elongation ..., in a unit of length or relative
     to the gauge length; time, if there; and for a bias test with marked yarns "warp_stretch", "weft_stretch" and
     "angle" between them. Other columns are left alone. A file that names no columns has those of `columns`.
     """
-    wanted = "force|load|stress", "|".join(WORDS["displacement"])
+    wanted = "|".join(WORDS["force"]), "|".join(WORDS["displacement"])
     table = read_table(path, wanted, "time_s,displacement_mm,force_N", columns)
-    kind, force = _find(table, "force")
-    force = force * {"force": 1.0, "force per width": strip.width, "stress": strip.area}[kind]
-    kind, displacement = _find(table, "displacement")
-    displacement = displacement * (strip.gauge_length if kind == "ratio" else 1.0)
-    yarns = {
-        name: column
-        for name in ("warp_stretch", "weft_stretch", "angle")
-        if (column := _find(table, name, False)[1]).size
-    }
-    notes, file = [], table.file
+    found = {name: _find(table, name, name in ("force", "displacement")) for name in WORDS}
+    used = {name: index for name, index in found.items() if index is not None}
+    yarns = [name for name in ("warp_stretch", "weft_stretch", "angle") if name in used]
     if 0 < len(yarns) < 3:
         raise InputError(
-            f"{file}: has {', '.join(yarns)} of the marked yarns only; give warp_stretch, weft_stretch and angle."
+            f"{table.file}: has {', '.join(yarns)} of the marked yarns only; give warp_stretch, weft_stretch and angle."
         )
+    table = table.readings([used["force"], used["displacement"]], used.get("time"))
+    kind, force = table.si(used["force"], ALLOWED["force"])
+    force = force * {"force": 1.0, "force per width": strip.width, "stress": strip.area}[kind]
+    kind, displacement = table.si(used["displacement"], ALLOWED["displacement"])
+    displacement = displacement * (strip.gauge_length if kind == "ratio" else 1.0)
+    marked = {name: table.si(used[name], ALLOWED[name])[1] for name in yarns}
+    time, said = readings.times(table, used["time"]) if "time" in used else (None, [])
+    notes = [*table.notes, *(f"{table.file}: {word}." for word in said)]
 
-    keep = np.isfinite(force) & np.isfinite(displacement)
-    time = _find(table, "time", False)[1]
-    if time.size:
-        keep &= np.isfinite(time)
-    if not keep.all():
-        notes.append(f"{file}: {np.count_nonzero(~keep)} of {len(keep)} lines lack a reading and are left out.")
-    order = np.flatnonzero(keep)
-    if time.size and (np.diff(time[order]) < 0).any():
-        notes.append(f"{file}: the times are out of order; the lines are sorted by them.")
-        order = order[np.argsort(time[order], kind="stable")]
-    force, displacement = force[order], displacement[order]
-    if len(order) < 8:
-        raise InputError(f"{file}: has {len(order)} complete lines, and a curve needs 8; record the test more densely.")
+    out: list[Record] = []
+    groups = readings.groups(table, list(used.values()))
+    for group, rows in groups.items():
+        name = f"{table.file} ({group})" if len(groups) > 1 else table.file
+        clock = None if time is None else time[rows]
+        parts, said = readings.sort_out(table.take(rows), name, displacement[rows], force[rows], clock)
+        notes += said
+        for k, (part, zero) in enumerate(parts, 1):
+            chosen = np.array(rows, dtype=int)[part]
+            file = f"{name} ({k})" if len(parts) > 1 else name
+            kept, said = _without_wild(table, file, chosen, {key: values[chosen] for key, values in marked.items()})
+            out.append(Record(file, displacement[chosen] - zero, force[chosen], kept, tuple(said), zero))
+    long = [record for record in out if len(record.force) >= readings.LEAST]
+    if not long:
+        n, least = max(len(record.force) for record in out), readings.LEAST
+        raise InputError(f"{table.file}: has {n} complete lines, and a curve needs {least}; record it more densely.")
+    if len(out) > 1:
+        short = len(out) - len(long)
+        less = f"; {short} of fewer than {readings.LEAST} lines left out" if short else ""
+        notes.append(f"{table.file}: holds {len(long)} specimen{'s' * (len(long) > 1)}{less}.")
+    long = [_upright(record, strip) for record in long]
+    return [replace(long[0], notes=(*notes, *long[0].notes)), *long[1:]]
 
-    displacement = displacement - displacement[0]
-    for name, values in (("force", force), ("displacement", displacement)):
-        if -values.min() > values.max():
-            values *= -1
-            notes.append(f"{file}: the {name} is negative in tension; its sign is turned.")
-    _plausible(table, displacement, force, strip)
-    return Record(file, displacement, force, {name: column[order] for name, column in yarns.items()}, tuple(notes))
+
+def _without_wild(
+    table: Table, file: str, rows: np.ndarray, yarns: dict[str, Array]
+) -> tuple[dict[str, Array], list[str]]:
+    """Columns (n,) of the marked yarns with NaN for single wild readings, and notes; `rows` (n,) of the table."""
+    out, notes = {}, []
+    for key, values in yarns.items():
+        seen = np.flatnonzero(np.isfinite(values))
+        bad = seen[cleaning.wild(values[seen])]
+        notes += [f"{file}: line {table.lines[rows[i]]} holds a wild {key.replace('_', ' ')}; left out." for i in bad]
+        out[key] = np.where(np.isin(np.arange(len(values)), bad), np.nan, values)
+    return out, notes
 
 
-def _find(table: Table, quantity: str, needed: bool = True) -> tuple[str, Array]:
-    """Kind of unit and values in SI of the one column that holds a quantity; no values if it may be missing and is."""
+def _upright(record: Record, strip: Strip) -> Record:
+    """The same with tension positive; refuses what a wrong unit or a wrong column would give."""
+    displacement, force, zero, notes = record.displacement, record.force, record.zero, list(record.notes)
+    if -force.min() > force.max():
+        force = -force
+        notes.append(f"{record.file}: the force is negative in tension; its sign is turned.")
+    if -displacement.min() > displacement.max():
+        displacement, zero = -displacement, -zero
+        notes.append(f"{record.file}: the displacement is negative in tension; its sign is turned.")
+    _plausible(record.file, displacement, force, strip)
+    return replace(record, displacement=displacement, force=force, zero=zero, notes=tuple(notes))
+
+
+def _find(table: Table, quantity: str, needed: bool) -> int | None:
+    """Index of the one column that holds a quantity; None if it may be missing and is."""
     found = [i for i, (name, _) in enumerate(table.columns) if any(word in name for word in WORDS[quantity])]
     found = [i for i in found if not any(word in table.columns[i][0] for word in AMBIGUOUS)]
     if not found:
         if not needed:
-            return "", np.empty(0)
+            return None
         example = f"{quantity} ({'N' if quantity == 'force' else 'mm'})"
         raise InputError(f"{table.file}: no column holds a {quantity}; name one as in {example!r}.")
     if quantity in ("force", "displacement"):  # "stress" and "strain" may stand beside the force and the displacement
@@ -137,23 +182,23 @@ def _find(table: Table, quantity: str, needed: bool = True) -> tuple[str, Array]
     if len(found) > 1:
         several = " and ".join(repr(table.headers[i]) for i in found)
         raise InputError(f"{table.file}: columns {several} could each be the {quantity}; rename all but one.")
-    return table.si(found[0], ALLOWED[quantity])
+    return found[0]
 
 
-def _plausible(table: Table, displacement: Array, force: Array, strip: Strip) -> None:
+def _plausible(file: str, displacement: Array, force: Array, strip: Strip) -> None:
     """Refuse what a wrong unit or a wrong column would give."""
     reach, peak = displacement.max() / strip.gauge_length, force.max()
     if not reach > 0:
-        raise InputError(f"{table.file}: the displacement never changes; check that its column is the machine's.")
+        raise InputError(f"{file}: the displacement never changes; check that its column is the machine's.")
     if not 1e-3 < reach < 3:
         raise InputError(
-            f"{table.file}: the displacement reaches {1e3 * displacement.max():.4g} mm on a gauge length of "
+            f"{file}: the displacement reaches {1e3 * displacement.max():.4g} mm on a gauge length of "
             f"{1e3 * strip.gauge_length:g} mm; correct the unit of its column, or the gauge length."
         )
     if not peak > 0:
-        raise InputError(f"{table.file}: the force is zero throughout; check that its column is the load cell's.")
+        raise InputError(f"{file}: the force is zero throughout; check that its column is the load cell's.")
     if not 1e2 < peak / strip.area < 1e10:
         raise InputError(
-            f"{table.file}: the force reaches {peak:.4g} N, a stress of {peak / strip.area / 1e6:.3g} MPa; "
+            f"{file}: the force reaches {peak:.4g} N, a stress of {peak / strip.area / 1e6:.3g} MPa; "
             "correct the unit of its column, or width and thickness."
         )
