@@ -4,8 +4,8 @@ The only part of the identification that needs FEniCSx.
 
 Bilinear quadrilaterals lock: the yarns at 45 degrees can hardly stretch, and between grips 9 x 3 of them pull by 20 to
 166 % too much at the end of the test. Biquadratic ones integrated at 2 x 2 points do not: 18 x 6 of them pull by 1 to
-2 % too little (`tests/test_records.py` compares them). They have modes without energy that the grips hold; a strip whose
-ends may contract would not, but is homogeneous, and any element solves it exactly.
+2 % too little (`tests/test_records.py` compares them). They have modes without energy that the grips hold; where the
+ends may contract nothing would, but there the strip is homogeneous, and any element solves it exactly.
 """
 
 import warnings

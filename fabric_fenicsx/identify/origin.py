@@ -20,12 +20,13 @@ from .records import Record
 CONSTANT = 0.01  # a force that grows by less than this part of its first value is none of a test
 SMALL, OFFSET = 0.005, 0.2  # a force at the start below the first part of its peak is none, above the other no pre-load
 EXACT = 2e-4  # part of the peak force: differences below it are none
+TINY = 0.002  # part of the range: a first displacement below it is zero
 SHORT = 0.003  # part of the range: less slack than that is none
 FLAT = 0.15  # slope of the slack, over that of as long a way after it
 SURE = 10.0  # by how much slack must raise the logarithm of the likelihood, twice, beyond its two unknowns
 TOE = 0.3  # part of the peak: the force at the end of the slack is below it
 GRID, ZOOMS = 40, 4  # places that are tried, and how often between the neighbours of the best
-VAGUE = 0.005  # part of the range: slack with a larger standard error is doubtful
+VAGUE = 0.005  # part of the range: slack of which four standard errors are more may change the curve by 1 %
 NEAR = 0.4  # part of the range: a record that begins so near to the zero of its file may have lost its first lines
 
 
@@ -46,8 +47,8 @@ def find(record: Record, part: Branches, gauge_length: float, preload: float | N
     if abs(idle) > SMALL * (running_median(force).max() - idle):
         said.append(f"the force of {idle:.4g} N before it is subtracted")
     note = f"{record.file}: {'; '.join(said)} (toe compensation)."
-    vague = [f"{record.file}: slack of {1e3 * slack:.3g} ± {1e3 * error:.2g} mm"]
-    if error <= VAGUE * (d.max() - slack):
+    vague = [f"{record.file}: slack of {1e3 * slack:.3g} ± {1e3 * error:.2g} mm, too vague for the curve"]
+    if 4 * error <= VAGUE * (d.max() - slack):
         vague = []
     moved = replace(
         record,
@@ -67,12 +68,12 @@ def _began(record: Record, part: Branches, gauge_length: float, preload: float |
     peak = float(running_median(force).max()) - first
     reach = float(np.ptp(d))
     # a record that has lost its first lines, or begins at a pre-load, and whose displacement is that of the machine
-    if 1e-6 * reach < record.zero < NEAR * reach and first > EXACT * peak:
+    if TINY * reach < record.zero < NEAR * reach and (first > EXACT * peak or first == 0.0):
         before = curves.offset(d + record.zero, force)
-        one_lost = record.zero < 3 * float(np.median(np.diff(d)))
-        if abs(before) < (1.0 if one_lost else 0.3) * first:
-            zero = f"{record.file}: the first reading is at {1e3 * record.zero:.4g} mm under force"
-            note = f"{zero}; the displacement counts from the zero of the file."
+        lost = record.zero < 3 * float(np.median(np.diff(d)))
+        if abs(before) < (1.0 if lost else 0.3) * first or (lost and before == 0.0):
+            zero = f"{record.file}: the first reading is at {1e3 * record.zero:.4g} mm"
+            note = f"{zero}, next to the zero of the file, from which the displacement counts."
             moved = record.displacement + record.zero
             return replace(record, displacement=moved, zero=0.0, notes=(*record.notes, note))
     if abs(first) < SMALL * peak:
@@ -100,7 +101,7 @@ def _began(record: Record, part: Branches, gauge_length: float, preload: float |
             displacement=moved,
             zero=record.zero - drawn,
             notes=(*record.notes, note),
-            doubts=(*record.doubts, *vague) if 3 * error > VAGUE * reach else record.doubts,
+            doubts=(*record.doubts, *vague) if 4 * error > VAGUE * reach else record.doubts,
         )
     note = f"{start} (pre-load, offset or friction); subtracted."
     doubts: tuple[str, ...] = ()
