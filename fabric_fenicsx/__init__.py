@@ -38,7 +38,7 @@ Rooms, in the order in which a scene goes through them, and their names; each ro
 - `plots`: curves of one look: `panels`, `label`, `legend`, `style`, `series`
 - `scenes`: a scene as data: `read`, `build`, `run`; `app.cli`: the command `fabric-fenicsx`
 - `app.command`: what every script does at its command line: `parse`, `say`, `run`; `system`: `can_draw`, `mpirun`
-- `errors`: `InputError`, `StepFailed`
+- `errors`: `InputError`, `StepFailed`, `LawFailed`
 
 The other rooms serve these: `surfaces.checking`, `surfaces.grouping` and `surfaces.preparing` a mesh; files
 `surfaces.importing`, `surfaces.gmsh_models`, `surfaces.geo_programs` (what a `.geo` may not do), `surfaces.abaqus`,

@@ -7,3 +7,7 @@ class InputError(ValueError):
 
 class StepFailed(RuntimeError):
     """A load step could not be solved, not even in its smallest part; raised on every rank alike."""
+
+
+class LawFailed(RuntimeError):
+    """A law raised an error in the middle of a run; raised on every rank alike."""

@@ -14,7 +14,7 @@ from typing import NoReturn
 
 from mpi4py import MPI
 
-from ..errors import InputError, StepFailed
+from ..errors import InputError, LawFailed, StepFailed
 from ..output import results
 
 
@@ -107,14 +107,14 @@ def say(*words: object) -> None:
 def run(main: Callable[[], int | None], shown: bool | None = None) -> None:
     """Call `main` and leave with its status.
 
-    An InputError or StepFailed, which all ranks raise together, is said in one sentence (status 2 and 1).
+    An InputError, StepFailed or LawFailed, which all ranks raise together, is said in one sentence (status 2, 1 and 1).
     Anything else is a fault of the program: all ranks are ended. shown: whether to show tracebacks; by default of
     faults of the program alone.
     """
     warnings.formatwarning = lambda message, *_, **__: f"warning: {message}\n"
     try:
         status = main() or 0
-    except (InputError, StepFailed) as error:
+    except (InputError, StepFailed, LawFailed) as error:
         if shown:
             traceback.print_exc()
         elif MPI.COMM_WORLD.rank == 0:

@@ -19,7 +19,7 @@ from typing import Any, Protocol
 import numpy as np
 from mpi4py import MPI
 
-from ..errors import InputError, StepFailed
+from ..errors import InputError, LawFailed, StepFailed
 from ..laws import Array
 
 FORMAT = 3
@@ -131,7 +131,7 @@ def guard(
     try:
         yield
         keeper.save()
-    except (StepFailed, KeyboardInterrupt) as error:
+    except (StepFailed, LawFailed, KeyboardInterrupt) as error:
         if keeper.hurried:
             if run.comm.size > 1:  # the others do not know
                 run.comm.Abort(128 + keeper.hurried)

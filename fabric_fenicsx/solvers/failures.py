@@ -2,9 +2,11 @@
 
 from collections.abc import Sequence
 
+import numpy as np
+from mpi4py import MPI
 from petsc4py import PETSc
 
-from ..errors import StepFailed
+from ..errors import LawFailed, StepFailed
 
 REASONS = {value: name.lower() for name, value in vars(PETSc.SNES.ConvergedReason).items() if isinstance(value, int)}
 """PETSc's number -> its name."""
@@ -17,3 +19,19 @@ def failed(reason: str, residuals: Sequence[float], where: str) -> StepFailed:
     return StepFailed(
         f"Newton's method failed ({reason}); residuals in N: {history}{f'; largest strain in {where}' if where else ''}"
     )
+
+
+def blame(comm: MPI.Comm, fault: Exception | None) -> None:
+    """Raise LawFailed, on every rank, if a law has raised on one of them."""
+    faults = [said for said in comm.allgather(fault and repr(fault)) if said]
+    if faults:
+        raise LawFailed(f"A law must not raise, but one did: {faults[0]}.") from fault
+
+
+def solve(ksp: PETSc.KSP, b: PETSc.Vec, x: PETSc.Vec) -> bool:
+    """Solve a linear system; whether there is an answer, on every rank."""
+    try:
+        ksp.solve(b, x)
+    except PETSc.Error:  # what a factorisation meets is the same on every rank
+        return False
+    return bool(ksp.getConvergedReason() >= 0 and np.isfinite(x.norm()))

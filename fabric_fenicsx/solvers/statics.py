@@ -19,7 +19,7 @@ from ..terms.term import Residual, Term
 from . import linear
 from .continuation import Step as Step
 from .continuation import march as march
-from .failures import REASONS, failed
+from .failures import REASONS, blame, failed, solve
 from .reactions import Reactions
 from .tangent import Tangent
 
@@ -68,7 +68,7 @@ class StaticSolver(Reactions):
         self._y = u if space is None else fem.Function(space.W)  # what is solved for: u, or (u, angles) of a shell
         self._accepted = self._y.x.array.copy()
         self.scale = self._size = self._push = 0.0
-        self._met, self._pushed = True, False
+        self._met, self._pushed, self._sound = True, False, True  # sound: the last Jacobian was finite
         self._nothing = 1e-14 * self.comm.allreduce(np.abs(u.function_space.mesh.geometry.x).max(initial=0.0), MPI.MAX)
         self._fault: Exception | None = None
         self.residuals: list[float] = []
@@ -126,7 +126,7 @@ class StaticSolver(Reactions):
             ok = all([term.evaluate() for term in self.terms])
         except Exception as error:
             self._fault, ok = error, False
-        if self.comm.allreduce(ok, MPI.LAND):
+        if self.comm.allreduce(ok and self._sound, MPI.LAND):
             self.assemble(x, b)
         else:
             b.set(np.nan)
@@ -153,6 +153,7 @@ class StaticSolver(Reactions):
             self.snes.setJacobian(_weak(self._jacobian), self.tangent.A)
         self.tangent.assemble(self._force)
         self.tangent.eliminate(self._given_rows, self.symmetric, right)
+        self._sound = self.tangent.sound()  # else the next residual is NaN
 
     rate: Rate | None = None  # of `step`: velocity, its derivative by u
 
@@ -186,10 +187,9 @@ class StaticSolver(Reactions):
             b = self.residual(self._x)
             self.residuals.append(b.norm())
             correction = b.duplicate()
-            ksp = self.factorised(b)
-            ksp.solve(b, correction)
-            if ksp.getConvergedReason() < 0:
-                raise self.failure("diverged_linear_solve")
+            solved = np.isfinite(self.residuals[-1]) and solve(self.factorised(b), b, correction)
+            if not (solved and self._sound):
+                raise self.failure("residual or Jacobian is not finite, or singular")
             self._x.axpy(-1.0, correction)
         # not only nearly: their columns may be out of the linear systems
         self._x.array_w[self._given] = self._targets[self._given]
@@ -199,7 +199,7 @@ class StaticSolver(Reactions):
 
     def begin(self) -> PETSc.Vec:
         """Forget the last solve; the unknowns at the present u."""
-        self.residuals, self._fault = [], None
+        self.residuals, self._fault, self._sound = [], None, True
         self.aim()
         fempetsc.assign(self._y, self._x)
         if self._motions is not None:
@@ -248,12 +248,15 @@ class StaticSolver(Reactions):
     def solve(self) -> int:
         """Solve from the present u; the number of Newton iterations.
 
-        Raises on every rank, with u back at the last commit: StepFailed if Newton fails, RuntimeError if a law raised.
+        Raises on every rank, with u back at the last commit: StepFailed if Newton fails, LawFailed if a law raised.
         """
         self.begin()
         moved = self._move_supports()
         self._pushed, self._push = self.rate is None and not moved, 0.0
-        self.snes.solve(None, self._x)
+        try:
+            self.snes.solve(None, self._x)
+        except PETSc.Error as error:
+            raise self.failure("Jacobian is singular") from error
         self.linear_iterations += self.snes.getLinearSolveIterations()
         self._take(self._x)
         reason = self.snes.getConvergedReason()
@@ -261,16 +264,13 @@ class StaticSolver(Reactions):
             return moved + self.snes.getIterationNumber()
         if reason == PETSc.SNES.ConvergedReason.DIVERGED_FUNCTION_NANORINF:
             self.residuals.append(np.nan)  # PETSc has not asked `converged` about this one
-        raise self.failure(REASONS.get(reason, str(reason)))
+        raise self.failure(REASONS.get(reason, str(reason)) if self._sound else "Jacobian is not finite")
 
     def failure(self, reason: str) -> StepFailed:
-        """What to raise when Newton's method has failed; restores. RuntimeError, on every rank, if a law raised."""
-        faults = [fault for fault in self.comm.allgather(self._fault and repr(self._fault)) if fault]
-        if faults:
-            self.restore()
-            raise RuntimeError(f"A law must not raise, but one did: {faults[0]}.") from self._fault
+        """What to raise when Newton's method has failed; restores. LawFailed, on every rank, if a law raised."""
         worst = max(self.comm.allgather(max(term.worst() for term in self.terms)))
         self.restore()
+        blame(self.comm, self._fault)
         return failed(reason, self.residuals, worst[1])
 
     def commit(self) -> None:

@@ -73,6 +73,14 @@ class Tangent:
             self.K.ptap(self._turn, result=self.A)
             self._shell.add_curvature(self.A, force)
 
+    def sound(self) -> bool:
+        """Whether all entries of `A` are finite; else it becomes the identity, for MUMPS would end the whole solve."""
+        if np.isfinite(self.A.norm(PETSc.NormType.FROBENIUS)):
+            return True
+        self.A.zeroEntries()
+        self.A.shift(1.0)
+        return False
+
     def eliminate(self, rows: np.ndarray, symmetric: bool, right: Sequence[PETSc.Vec] = ()) -> None:
         """Take given unknowns, global `rows` on this rank, out of `A`.
 

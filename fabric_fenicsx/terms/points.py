@@ -89,7 +89,7 @@ class LawPoints:
             self._respond(law, strain, first, stress, np.empty_like(first), tangent)
         else:
             self._respond(self.law, strain, history.committed, stress, history.trial, tangent)
-        return bool(np.isfinite(stress.sum()))
+        return bool(np.isfinite(stress.sum()) and (stiffest or np.isfinite(history.trial.sum())))
 
     def _respond(self, law: Law, strain: Array, state: Array, stress: Array, new: Array, tangent: bool) -> None:
         if not tangent and self._spares:
