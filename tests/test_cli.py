@@ -213,6 +213,24 @@ def test_a_motion_and_its_resumption(command, tmp_path):
     assert read(tmp_path / "on" / "history.csv")["time_s"][0] == pytest.approx(0.025)
 
 
+@pytest.mark.parametrize(("step", "wrong"), [(5, False), (60, False), (600, True)])
+def test_a_motion_whose_energies_do_not_balance_is_not_trusted(command, tmp_path, step, wrong):
+    """The first step is weighed like any other (else 17.6 % in one of 60 ms, 43 % of 600), and the end says so.
+
+    Deflection in the first 60 ms by steps of 5 ms: 11.2 mm.
+    """
+    text = MOTION.replace("n = 4, a = 0.25", "n = 6, a = 0.34").replace('"corners"', '"corner_patches"')
+    steps = f"end_s = {max(60, step) * 1e-3}\nstep_ms = {step}\ndamping_per_s = 5.0"
+    path = scene(tmp_path, text.replace("end_s = 0.02", steps))
+    status, said, complaint = command("run", path, "--out", tmp_path / "out", "--quiet")
+    part = float(re.search(r"largest imbalance of energy: (\S+) %", said)[1])
+    assert (status, part >= 5, "do not balance" in complaint) == (int(wrong), wrong, wrong)
+    table = read(tmp_path / "out" / "history.csv")
+    if not wrong:
+        assert part < 2 and table["centre_z_m"][-1] == pytest.approx(-0.0112, rel=0.05)
+    assert (table["step_cuts"][0] > 0) == (step > 5)
+
+
 def test_a_checkpoint_of_another_scene_is_refused_with_the_difference(command, tmp_path):
     """Whatever the answer depends on, in the scene, in the fabric's file and in the groups of the mesh."""
     (tmp_path / "cloth.toml").write_text(Path(fabrics.reading.__file__).with_name("blend.toml").read_text())

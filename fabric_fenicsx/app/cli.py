@@ -16,6 +16,7 @@ import fabric_fenicsx
 from ..errors import InputError
 
 STRIP = Path(__file__).parent.parent / "meshes" / "strip.geo"
+UNBALANCED = 0.05  # imbalance of energy, as a part of the external work, from which a run is wrong
 folder = click.Path(file_okay=False, path_type=Path)
 file = click.Path(dir_okay=False, path_type=Path)
 
@@ -176,6 +177,15 @@ def run(scene: Path, out: Path | None, resume: Path | None, quiet: bool, trust: 
     last = table.rows[-1]
     command.say(", ".join(f"{name} {value:.6g}" for name, value in last.items() if name != "wall_s"))
     command.say(f"{len(table.rows)} steps, {table.column('wall_s').sum():.1f} s; see {out}")
+    if "imbalance_J" in last:
+        worst, most = (max(map(abs, table.column(name))) for name in ("imbalance_J", "external_work_J"))
+        part = worst / most if worst else 0.0
+        command.say(f"largest imbalance of energy: {100 * part:.2g} % of the external work")
+        if not part < UNBALANCED:
+            said = f"the energies do not balance, by {100 * part:.3g} % of the external work (5 % is too much)"
+            remedy = "take a smaller step_ms, or look whether the load is in its unit"
+            click.echo(f"warning: {said}: do not trust this motion; {remedy}.", err=True)
+            raise click.exceptions.Exit(1)
 
 
 def three(context: click.Context, parameter: click.Parameter, text: str | None) -> tuple[float, ...] | None:

@@ -81,6 +81,11 @@ class Ledger:
         self._totals_next = t
         return t["imbalance"] - self.totals["imbalance"]
 
+    @property
+    def size(self) -> float:
+        """External work or kinetic energy after the step that was weighed, J: after the first, all there is."""
+        return max(abs(self._totals_next["external"]), self._totals_next["kinetic"])
+
     def accept(self) -> None:
         """The step that was weighed has been committed."""
         t = self.totals = self._totals_next

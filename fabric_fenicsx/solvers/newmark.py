@@ -159,7 +159,7 @@ class Newmark(Stepper):
             return False
         added = self.ledger.weigh()
         total = abs(self.ledger.totals["imbalance"] + added)
-        allowed = self.accuracy * max(self.ledger.most, abs(self.ledger.totals["external"]))
+        allowed = self.accuracy * max(self.ledger.most, self.ledger.size)
         # the error of a step goes with its third power
         self._may_grow = 8 * abs(added) <= allowed or total <= 2 * allowed
         return abs(added) > allowed > 0.0 and total > 5 * allowed and self._part > self._roughest
