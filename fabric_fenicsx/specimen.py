@@ -72,10 +72,10 @@ def strip(
     else:
         flat = fem.functionspace(mesh, ("Lagrange", degree, (mesh.geometry.dim,)))
         u, v = fem.Function(flat), ufl.TestFunction(flat)
-        points = quadrature or 2 * degree
-        axes = yarns.plane_axes(mesh, angle) if plane else yarns.surface_axes(mesh, warp, points)
+        rule = quadrature or 2 * degree
+        axes = yarns.plane_axes(mesh, angle) if plane else yarns.surface_axes(mesh, warp, rule)
         strain = kinematics.membrane_strain(u, axes)
-        cloth = hook.LawHook(law, strain, mesh, degree=points)
+        cloth = hook.LawHook(law, strain, mesh, degree=rule)
         residual = weakform.internal(cloth.stress, strain, u, v, fem.Constant(mesh, h), cloth.dx)
         if not plane:
             # across itself a membrane without stress has no stiffness: it lies on a soft foundation

@@ -182,9 +182,9 @@ def run(scene: Path, out: Path | None, resume: Path | None, quiet: bool, trust: 
         part = worst / most if worst else 0.0
         command.say(f"largest imbalance of energy: {100 * part:.2g} % of the external work")
         if not part < UNBALANCED:
-            said = f"the energies do not balance, by {100 * part:.3g} % of the external work (5 % is too much)"
+            wrong = f"the energies do not balance, by {100 * part:.3g} % of the external work (5 % is too much)"
             remedy = "take a smaller step_ms, or look whether the load is in its unit"
-            click.echo(f"warning: {said}: do not trust this motion; {remedy}.", err=True)
+            click.echo(f"warning: {wrong}: do not trust this motion; {remedy}.", err=True)
             raise click.exceptions.Exit(1)
 
 
