@@ -104,11 +104,13 @@ class Sheet:
         self.q, self.test = space.function(), ufl.TestFunction(space.V)
         (self.u, self.director), (self.v, self.delta) = ufl.split(self.q), ufl.split(self.test)
         self.dx = space.dx
-        self.strain, across = assumed_strain.shell_strains(space, self.q, warp)
         through = section.Section(self.law, self.thickness, layers)
         linear = getattr(self.law, "stiffness", None)
         stiffest = linear if linear is not None else getattr(getattr(self.law, "stiffest", None), "stiffness", None)
-        across_stiffness = weakform.shear_stiffness(mesh, shear, h, reach, _shear_modulus(stiffest, max(shear)))
+        limit = (h, reach, _shear_modulus(stiffest, max(shear)), space.curvature())
+        variation = weakform.shear_variation(mesh, max(shear), *limit)
+        self.strain, across = assumed_strain.shell_strains(space, self.q, warp, variation)
+        across_stiffness = weakform.shear_stiffness(mesh, shear, *limit)
         response: Law | Expr = through
         if linear is not None:
             response = fem.Constant(mesh, through.elastic(linear))

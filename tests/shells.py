@@ -56,9 +56,11 @@ class Shell:
     def __init__(self, domain, element, law=WOVEN, thickness=H, warp=(1.0, 0.3, 0.2), ratio=0.8, load=None):
         self.space = space = directors.ShellSpace(domain, element)
         self.q, test = space.function(), ufl.TestFunction(space.V)
-        strain, shear = assumed_strain.shell_strains(space, self.q, warp)
         G = law.respond(np.zeros((1, 3)), law.initial_state[None])[1][0, 2, 2]
-        stiffness = weakform.shear_stiffness(domain, (G, ratio * G), fem.Constant(domain, thickness))
+        h, curvature = fem.Constant(domain, thickness), space.curvature()
+        self.variation = weakform.shear_variation(domain, G, h, curvature=curvature)
+        strain, shear = assumed_strain.shell_strains(space, self.q, warp, self.variation)
+        stiffness = weakform.shear_stiffness(domain, (G, ratio * G), h, curvature=curvature)
         parts = [(strain, Section(law, thickness, 3), space.dx), (shear, stiffness, space.dx_shear)]
         self.work = InternalWork(space, self.q, parts)
         self.fabric = self.work.points[0]

@@ -15,7 +15,7 @@ from shells import STIFFNESS, H, Shell, surface
 from fabric_fenicsx import sheet
 from fabric_fenicsx.errors import InputError
 from fabric_fenicsx.laws.svk import StVenantKirchhoff
-from fabric_fenicsx.shell import directors
+from fabric_fenicsx.shell import assumed_strain, directors
 from fabric_fenicsx.solvers import statics
 from fabric_fenicsx.surfaces import meshing
 from fabric_fenicsx.terms import hook, weakform
@@ -57,6 +57,36 @@ def test_rigid_motions_of_any_size_stress_nothing(element, shape):
             strain, shear = shell.strains(values)
             assert max(np.abs(strain * [1, 1, 1, H, H, H]).max(), np.abs(shear).max()) < 1e-12
             assert np.abs(shell.stress / stiff).max() < 1e-10
+
+
+def test_what_varies_of_the_shear_of_a_curved_triangle_counts_more_and_a_rigid_motion_costs_nothing():
+    """By up to 3 where cells are as wide as the sheet is thick, and not at all where it is flat or thin."""
+    shell = Shell(surface("regge", "cylinder").mesh, "regge", thickness=0.1)
+    points, _ = basix.make_quadrature(basix.CellType.triangle, directors.DEGREE)
+
+    def factor_of(shell):
+        cells = np.arange(shell.space.mesh.topology.index_map(2).size_local, dtype=np.int32)
+        return fem.Expression(shell.variation, points).eval(shell.space.mesh, cells)
+
+    factor, thin = factor_of(shell), factor_of(patch("regge", "cylinder"))
+    assert 1.5 < factor.min() and factor.max() < np.sqrt(10)
+    assert patch("regge").variation == 1.0
+    assert 1.0 < thin.min() and thin.max() < 1.01
+    R = rotation((1, -2, 0.5), 140)
+    _, shear = shell.strains(shell.place(lambda x: R @ x - x, lambda x, n: R @ n))
+    assert np.abs(shear).max() < 1e-13
+    # on flat cells, small: the mean is the same, and what varies is three times as much
+    shell = patch("regge")
+    shell.q.x.array[:] += 1e-7 * np.random.default_rng(4).standard_normal(len(shell.q.x.array))
+    cells = np.arange(len(shell.fabric.strain), dtype=np.int32)
+    once, thrice = (
+        fem.Expression(assumed_strain.shell_strains(shell.space, shell.q, (1, 0.3, 0.2), factor)[1], points)
+        .eval(shell.space.mesh, cells)
+        .reshape(len(cells), -1, 2)
+        for factor in (1.0, 3.0)
+    )
+    mean = once.mean(axis=1, keepdims=True)
+    assert np.abs(thrice - mean - 3 * (once - mean)).max() < 1e-6 * np.abs(once).max()
 
 
 def inner(shell):

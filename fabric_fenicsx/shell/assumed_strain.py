@@ -45,12 +45,14 @@ _PAIRS = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
 """Products of the second derivatives x_,11, x_,22, x_,12."""
 
 
-def shell_strains(space: ShellSpace, q: fem.Function, warp: Sequence[float] | Expr) -> tuple[Expr, Expr]:
+def shell_strains(
+    space: ShellSpace, q: fem.Function, warp: Sequence[float] | Expr, variation: Expr | float = 1.0
+) -> tuple[Expr, Expr]:
     """The strains of (u, d) = q as the element of `space` assumes them, in warp/weft axes.
 
     First strain and curvature (E11, E22, 2 E12, K11, K22, 2 K12), the operand of a `laws.section`, to be
     integrated with `space.dx`; then the transverse shear (2 E13, 2 E23), with `space.dx_shear`.
-    warp: see `yarns.surface_axes`.
+    warp: see `yarns.surface_axes`. variation: of "regge", a factor of the shear's part that varies in a cell.
     """
     u, d = ufl.split(q)
     axes = yarns.surface_axes(space.mesh, warp, DEGREE)
@@ -62,7 +64,11 @@ def shell_strains(space: ShellSpace, q: fem.Function, warp: Sequence[float] | Ex
     strain = ufl.as_vector([*membrane, *kinematics.bending_strain(u, d, space.normal, axes)])
     if space.shear_degree != DEGREE:
         axes = yarns.surface_axes(space.mesh, warp, space.shear_degree)
-    return strain, kinematics.shear_strain(u, d, space.normal, axes)
+    shear = kinematics.shear_strain(u, d, space.normal, axes)
+    if space.element == "regge" and variation != 1.0:
+        middle = _middle_shear(space, u, d, axes)
+        shear = middle + variation * (shear - middle)
+    return strain, shear
 
 
 # -- triangles -------------------------------------------------------------------------------------------------
@@ -102,16 +108,39 @@ def regge_remainder(points: Array) -> Array:
     return np.einsum("kcm,nm->nck", quadratic, np.array([_monomials(*p) for p in points]))
 
 
-def _regge_remainder(domain: mesh.Mesh, u: Expr, axes: tuple[fem.Function, fem.Function]) -> Expr:
-    """What to subtract from the membrane strain (E11, E22, 2 E12) of a quadratic u on triangles."""
+def _second(domain: mesh.Mesh, u: Expr) -> tuple[list[Expr], list[Expr]]:
+    """Second derivatives by the reference coordinates, 11, 22 and 12, of X + u and of X on triangles."""
     J, gradient = ufl.Jacobian(domain), ufl.grad(u)
     pairs = ((0, 0), (1, 1), (0, 1))
     moved = [ufl.dot(ufl.dot(ufl.grad(gradient), J[:, j]), J[:, i]) for i, j in pairs]
-    change = [ufl.dot(moved[i], moved[j]) for i, j in _PAIRS]
-    if domain.geometry.cmaps[0].degree > 1:
-        start = [ufl.dot(ufl.grad(J[:, i]), J[:, j]) for i, j in pairs]
-        second = [X + m + ufl.dot(gradient, X) for X, m in zip(start, moved, strict=True)]
-        change = [ufl.dot(second[i], second[j]) - ufl.dot(start[i], start[j]) for i, j in _PAIRS]
+    if domain.geometry.cmaps[0].degree == 1:
+        return moved, [ufl.as_vector([0.0, 0.0, 0.0])] * 3
+    start = [ufl.dot(ufl.grad(J[:, i]), J[:, j]) for i, j in pairs]
+    return [X + m + ufl.dot(gradient, X) for X, m in zip(start, moved, strict=True)], start
+
+
+def _middle_shear(space: ShellSpace, u: Expr, d: Expr, axes: tuple[fem.Function, fem.Function]) -> Expr:
+    """Transverse shear (2 E13, 2 E23) in the axes, of the covariant components in the middle of each triangle."""
+    domain, J = space.mesh, ufl.Jacobian(space.mesh)
+    along, points = _components(domain, axes)
+    away = _on_points(domain, np.tile(points - 1 / 3, (len(along), 1)), (2,))
+    moved, start = _second(domain, u)
+
+    def in_the_middle(x: list[Expr], second: list[Expr], d: Expr) -> Expr:
+        (x11, x22, x12), gradient = second, ufl.grad(d)
+        middle = d - sum(away[i] * ufl.dot(gradient, J[:, i]) for i in (0, 1))
+        x1, x2 = x[0] - away[0] * x11 - away[1] * x12, x[1] - away[0] * x12 - away[1] * x22
+        return ufl.as_vector([ufl.dot(x1, middle), ufl.dot(x2, middle)])
+
+    now = in_the_middle([J[:, i] + ufl.dot(ufl.grad(u), J[:, i]) for i in (0, 1)], moved, d)
+    rest = in_the_middle([J[:, i] for i in (0, 1)], start, space.normal)
+    return ufl.dot(_on_points(domain, along, (2, 2)), now - rest)
+
+
+def _regge_remainder(domain: mesh.Mesh, u: Expr, axes: tuple[fem.Function, fem.Function]) -> Expr:
+    """What to subtract from the membrane strain (E11, E22, 2 E12) of a quadratic u on triangles."""
+    second, start = _second(domain, u)
+    change = [ufl.dot(second[i], second[j]) - ufl.dot(start[i], start[j]) for i, j in _PAIRS]
     along, points = _components(domain, axes)
     factors = np.einsum("npac,pck->npak", _to_axes(along), regge_remainder(points))
     factor = _on_points(domain, factors, (3, 6))

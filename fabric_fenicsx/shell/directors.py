@@ -19,6 +19,7 @@ import ufl
 from mpi4py import MPI
 from dolfinx import fem, la, mesh
 from petsc4py import PETSc
+from ufl.core.expr import Expr
 
 from ..errors import InputError
 from ..laws import Array
@@ -115,6 +116,15 @@ class ShellSpace:
         q = fem.Function(self.V)
         q.x.array[self.nodes] = self._start
         return q
+
+    def curvature(self) -> Expr | None:
+        """Size of the curvature at rest, 1/m, where the element's transverse shear asks for it: on curved triangles."""
+        gradient = ufl.grad(self.normal)
+        size = (
+            fem.assemble_scalar(fem.form(ufl.inner(gradient, gradient) * self.dx)) if self.element == "regge" else 0.0
+        )
+        flat = self.mesh.comm.allreduce(float(size)) < 1e-16
+        return None if flat else ufl.sqrt(ufl.inner(gradient, gradient))
 
     def _normals(self) -> Array:
         """Unit normals at the director nodes (nodes, 3), the mean over the cells that share one."""
