@@ -35,7 +35,7 @@ def first_step(shell, u, d):
     solver = shell.solver(bcs)
     residual = solver.residual(solver.begin())
     step = residual.duplicate()
-    solver.factorised().solve(residual, step)
+    solver.factorised(residual).solve(residual, step)
     part, dofs = space.W.sub(0).collapse()
     exact = fem.Function(part)
     exact.interpolate(u)
