@@ -3,6 +3,7 @@
 import os
 import re
 import signal
+from pathlib import Path
 
 import motions
 import numpy as np
@@ -10,10 +11,11 @@ import pytest
 from mpi4py import MPI
 from dolfinx import fem
 
-from fabric_fenicsx import fabrics
+from fabric_fenicsx import fabrics, sheet
 from fabric_fenicsx.errors import InputError, StepFailed
 from fabric_fenicsx.laws.woven import Woven
-from fabric_fenicsx.solvers import checkpoint
+from fabric_fenicsx.solvers import checkpoint, marching
+from fabric_fenicsx.surfaces import meshing
 from fabric_fenicsx.terms import supports
 
 COMM = MPI.COMM_WORLD
@@ -265,3 +267,58 @@ def test_a_second_signal_waits_for_the_file_but_not_for_the_step(tmp_path, monke
             os.kill(os.getpid(), signal.SIGINT)
             steps += 100
     assert steps == 1 and not path.exists()
+
+
+# --- statics
+
+
+def drawn(comm, kinematics="shell", turns=(1.0, 0.3)):
+    """A strip of blend that is drawn and let back; its march of eight loads."""
+    path = Path(meshing.__file__).parents[1] / "meshes" / "strip.geo"
+    domain = meshing.read(path, comm, nx=4, ny=2)
+    cloth = sheet.Sheet(domain, Woven(BLEND), BLEND.thickness, (1e6, 1e6), kinematics=kinematics)
+    end = fem.Constant(domain.mesh, 0.0)
+    bcs = supports.clamp(domain, cloth.space, "fixed_end") + supports.lead(domain, cloth.space, "pulled_end", 0, end)
+    bcs += [bc for k in (1, 2) for bc in supports.lead(domain, cloth.space, "pulled_end", k, 0.0)]
+    bcs += supports.lead(domain, cloth.space, "sheet", 2, 0.0) if kinematics == "membrane" else []
+
+    def put(load):
+        end.value = 0.006 * load
+
+    loads = np.concatenate([np.linspace(0, turns[0], 5)[1:], np.linspace(turns[0], turns[1], 5)[1:]])
+    return marching.March(cloth.equilibrium(bcs), put, loads)
+
+
+@pytest.mark.parallel
+@pytest.mark.parametrize("kinematics", ["shell", "membrane"])
+def test_a_march_goes_on_to_the_last_bit(tmp_path, kinematics):
+    path = COMM.bcast(tmp_path) / "state.npz"
+    whole, expected = drawn(COMM, kinematics), []
+    for step in whole.steps():
+        if step.number == 3:
+            checkpoint.save(path, whole, {"scene": "a"})
+        elif step.number > 3:
+            expected.append((step.load, *known(whole)))
+    on = drawn(COMM, kinematics)
+    checkpoint.load(path, on, {"scene": "a"})
+    assert (on.number, on.load) == (3, 0.75)
+    for step, (load, numbers, arrays) in zip(on.steps(), expected, strict=True):
+        numbers2, arrays2 = known(on)
+        assert step.load == load and numbers == numbers2
+        assert all(np.array_equal(a, b) for a, b in zip(arrays, arrays2, strict=True))
+    with pytest.raises(InputError, match="has reached its last load"):
+        next(on.steps())
+    with pytest.raises(InputError, match=r"load number 3 is 0\.75"):
+        checkpoint.load(path, drawn(COMM, kinematics, turns=(0.8, 0.3)), {"scene": "a"})
+
+
+@pytest.mark.parallel
+def test_guard_keeps_a_march(tmp_path):
+    path, march = COMM.bcast(tmp_path) / "state.npz", drawn(COMM)
+    with pytest.raises(KeyboardInterrupt), checkpoint.guard(path, march):
+        for step in march.steps():
+            if step.number == 2 and COMM.rank == 0:
+                os.kill(os.getpid(), signal.SIGTERM)
+    on = drawn(COMM)
+    checkpoint.load(path, on)
+    assert on.number == 2 and on.load == 0.5

@@ -37,7 +37,8 @@ FLOORS = [
         "solvers": [
             {"held"},
             {"linear", "continuation", "checkpoint", "reactions", "tangent", "failures"},
-            {"statics", "motion"},
+            {"marching", "motion"},
+            {"statics"},
             {"step", "stable_step", "stepper"},
             {"newmark", "explicit"},
             {"energy"},

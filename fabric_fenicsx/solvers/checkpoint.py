@@ -33,10 +33,10 @@ type Field = tuple[str, np.ndarray | None, Array]
 
 
 class Run(Protocol):
-    """What can be saved: `newmark.Newmark` and `explicit.CentralDifference`."""
+    """What can be saved: `marching.March`, `newmark.Newmark` and `explicit.CentralDifference`."""
 
     comm: MPI.Comm
-    motion: Any
+    q: Any
     pause: Callable[[], None]
     """Is called on every rank between two steps, when the last one has been dealt with."""
 
@@ -53,7 +53,7 @@ def save(path: str | Path, run: Run, marks: Mapping[str, object] | None = None) 
     The file is there in whole or not at all, and the one that was there before is kept as `before(path)`. Raises, on
     every rank, InputError if it cannot be written, and StepFailed for a state that is not finite.
     """
-    fields, mesh, path = run.fields(), run.motion.q.function_space.mesh, Path(path)
+    fields, mesh, path = run.fields(), run.q.function_space.mesh, Path(path)
     parts = {name: _rows(run, cells, array) for name, cells, array in fields}
     numbers = run.numbers()
     bad = [name for name, (_, rows) in parts.items() if not np.isfinite(rows).all()]
@@ -84,7 +84,7 @@ def load(path: str | Path, run: Run, marks: Mapping[str, object] | None = None) 
 
     Raises InputError, on every rank, for a file that is none, or that belongs to another run, with the difference.
     """
-    fields, mesh = run.fields(), run.motion.q.function_space.mesh
+    fields, mesh = run.fields(), run.q.function_space.mesh
     mark, data = identity(mesh), _read(Path(path))
     fault = data if isinstance(data, str) else _misfit(data, run, fields, mark, json.loads(_text(marks)))
     fault = next((said for said in run.comm.allgather(fault) if said), None)
@@ -279,20 +279,20 @@ def _misfit(data: dict[str, np.ndarray], run: Run, fields: list[Field], mark: st
 
 def _index(run: Run) -> np.ndarray:
     """Unrolled local unknowns of each cell."""
-    dofmap = run.motion.q.function_space.dofmap
+    dofmap = run.q.function_space.dofmap
     dofs, bs = dofmap.list, dofmap.bs
     return (dofs[..., None] * bs + np.arange(bs)).reshape(len(dofs), dofs.shape[1] * bs)
 
 
 def _numbers(run: Run, cells: np.ndarray | None) -> np.ndarray:
     """Numbers of local cells, by default all, in the mesh's own file."""
-    order = run.motion.q.function_space.mesh.topology.original_cell_index
+    order = run.q.function_space.mesh.topology.original_cell_index
     return np.asarray(order if cells is None else order[cells])
 
 
 def _rows(run: Run, cells: np.ndarray | None, array: Array) -> tuple[np.ndarray, Array]:
     """Numbers in the mesh's own file of this rank's own cells that have values, and a row of values for each."""
-    topology = run.motion.q.function_space.mesh.topology
+    topology = run.q.function_space.mesh.topology
     owned = topology.index_map(topology.dim).size_local
     if cells is None:
         cells, array = np.arange(owned), array[_index(run)[:owned]]

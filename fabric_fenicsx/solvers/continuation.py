@@ -1,10 +1,10 @@
-"""Ways through many loads: the march from one to the next, and arc length, which follows where loads must fall."""
+"""What it takes to go through many loads, and arc length, which follows where loads must fall."""
 
 import itertools
 import math
 import sys
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Any, Protocol
 
@@ -53,55 +53,6 @@ def progress_bar(steps: int, name: str | None, comm: MPI.Comm) -> Any:
     return tqdm(
         total=steps, desc=name, unit="step", disable=name is None or comm.rank != 0, leave=False, mininterval=calm
     )
-
-
-def march(
-    solver: Solver,
-    set_load: Callable[[float], None],
-    loads: Sequence[float],
-    start: float = 0.0,
-    smallest: float = 1 / 64,
-    progress: str | None = None,
-) -> Iterator[Step]:
-    """Solve and commit at each of `loads` in turn, from `start` on; yields a Step after each.
-
-    `set_load(load)` puts a load into the scene. A step that fails is restored and halved, and grows
-    again once it works; parts below `smallest` of a step raise StepFailed, on every rank, with the last
-    good state in place. `progress` names the bar that rank 0 shows. Stop early by leaving the loop.
-    """
-    if len(loads) == 0:
-        raise InputError("A march needs at least one load step.")
-    if not np.isfinite(loads).all():
-        raise InputError("The loads of a march must be finite numbers.")
-    held.require(solver, set_load, float(start), float(loads[0]))
-    fraction, done = 1.0, float(start)
-    with progress_bar(len(loads), progress, solver.comm) as bar:
-        for number, target in enumerate(map(float, loads), 1):
-            clock, iterations, cuts, origin, part = time.perf_counter(), 0, 0, done, 0.0
-            while part < 1.0:
-                trial = min(1.0, part + fraction)
-                load = target if trial == 1.0 else origin + trial * (target - origin)
-                set_load(load)
-                try:
-                    iterations += solver.solve()
-                except StepFailed as error:
-                    cuts += 1
-                    iterations += solver.snes.getIterationNumber()
-                    fraction /= 2
-                    if fraction < smallest:
-                        set_load(done)
-                        raise StepFailed(
-                            f"Step {number} stopped at load {done:.6g} on its way to {target:.6g}, after "
-                            f"{cuts} cuts of the step: {error}. Smaller steps or a smoother load may help, "
-                            "or motion where cloth is slack or flat; is the load in its unit?"
-                        ) from None
-                    continue
-                solver.commit()
-                part, done = trial, load
-                fraction = min(1.0, 2 * fraction)
-            bar.set_postfix(load=f"{done:.4g}", newton=iterations, cuts=cuts, refresh=False)
-            bar.update()
-            yield Step(number, done, iterations, cuts, time.perf_counter() - clock)
 
 
 def arc_length(

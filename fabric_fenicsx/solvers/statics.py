@@ -18,8 +18,8 @@ from ..terms.hook import forget_traversals
 from ..terms.term import Residual, Term
 from . import linear
 from .continuation import Step as Step
-from .continuation import march as march
 from .failures import REASONS, blame, failed, solve
+from .marching import march as march
 from .reactions import Reactions
 from .tangent import Tangent
 

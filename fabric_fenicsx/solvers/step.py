@@ -9,6 +9,7 @@ from petsc4py import PETSc
 
 from ..terms.form import terms_of
 from ..terms.term import Residual
+from .marching import take_up
 from .motion import Mass, Motion
 from .statics import StaticSolver
 
@@ -102,11 +103,4 @@ class MovingSolver(StaticSolver):
 
     def renew(self) -> None:
         """Take u, directors and histories as they have been set from outside for the last commit."""
-        if self._shell is None:
-            self._y.x.array[:] = self.u.x.array
-        else:
-            self._y.x.array[:] = self._shell.at_rest(self.u.x.array)
-            self._shell.turn(self._y, fem.Function(self.u.function_space))
-        self._accepted = self._y.x.array.copy()
-        for term in self.terms:
-            term.renew()
+        take_up(self)

@@ -42,7 +42,7 @@ class Stepper(Reactions):
         set_load: Callable[[float], None],
         start: float,
     ) -> None:
-        self.motion, self.set_load, self._bcs = motion, set_load, list(bcs)
+        self.motion, self.q, self.set_load, self._bcs = motion, motion.q, set_load, list(bcs)
         self.terms: list[Term] = terms_of(residual, motion.q, (motion.velocity, motion.rate))
         if motion.damping > 0.0:
             self.terms.append(Mass(motion, damps=True))
