@@ -434,7 +434,7 @@ def test_a_file_that_is_not_there_is_refused(tmp_path):
         records.read(tmp_path / "no\0where.csv", STRIP)
 
 
-@settings(max_examples=50)
+@settings(max_examples=20)
 @given(seeds, st.floats(0.04, 0.17), st.sampled_from([1, -1]))
 def test_a_force_at_the_start_is_taken_off(seed, part, sign):
     """From 4 % of the peak on, under 1 % noise, it is found; where there is none, none is; a third is refused."""

@@ -147,15 +147,21 @@ def _slack(d: Array, force: Array, gauge_length: float) -> tuple[float, float, f
         risen = int(np.argmax(np.abs(force - force[0]) > EXACT * peak))
         low, end = float(d[max(risen - 2, 0)]), float(d[risen])
         few = 0.0
-    slack, spread, terms = _start(lambda s, k: _misfit(d, force, gauge_length, s, k)[0], low, end, n)
-    left, idle = _misfit(d, force, gauge_length, slack, terms)
-    before = d <= slack
     A = np.hstack([np.ones((n, 1)), (d[:, None] / d.max()) ** np.arange(1, 5)])
     c, *_ = np.linalg.lstsq(A, force)
     straight = float(((A @ c - force) ** 2).sum())
-    if slack - d[0] < SHORT * np.ptp(d) or np.count_nonzero(before) < 3:
+
+    def squares(start: float, terms: int) -> float:
+        return _misfit(d, force, gauge_length, start, terms)[0]
+
+    # a coarse look first, for most strips are taut
+    least = min(squares(float(s), terms) for s in np.linspace(low, end, GRID + 1) for terms in (2, 4))
+    if n * np.log((straight + few) / (least + few)) < SURE + np.log(n):
         return None
-    if n * np.log((straight + few) / (left + few)) < SURE + np.log(n):
+    slack, spread, terms = _start(squares, low, end, n)
+    left, idle = _misfit(d, force, gauge_length, slack, terms)
+    before = d <= slack
+    if slack - d[0] < SHORT * np.ptp(d) or np.count_nonzero(before) < 3:
         return None
     way = d[before] - d[before].mean()
     width = float(way @ way)
