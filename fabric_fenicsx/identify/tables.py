@@ -19,6 +19,7 @@ from . import decoding, numerals, units
 from .cleaning import seconds
 
 SPACES = r"\s+(?![\[(])"  # a unit in brackets belongs to the name before it
+SHOWN = 4  # names of a column that the sentence on a missing head tells
 FEW = 8  # lines below another head that are no test, but a summary
 
 
@@ -135,7 +136,9 @@ def read_table(path: str | Path, recognise: Sequence[str], example: str, unnamed
         lines.insert(start, (0, ("  " if mark == SPACES else mark).join(unnamed)))
         heads = [start]
     if not heads:
-        wanted = " and one with ".join(" or ".join(words.replace("|", ", ").rsplit(", ", 1)) for words in recognise)
+        wanted = " and one with ".join(
+            " or ".join(", ".join(words.split("|")[:SHOWN]).rsplit(", ", 1)) for words in recognise
+        )
         raise InputError(
             f"{file}: no line names its columns, one with {wanted}; add one, such as "
             f"{example!r}, or give the columns of all files in the list of tests."
