@@ -79,7 +79,7 @@ from pathlib import Path
 
 from . import system
 
-__version__ = "0.1.0"
+__version__ = "0.2.0.dev0"
 MISSING = ""
 
 system.settle()
