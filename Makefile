@@ -4,8 +4,9 @@ python := .venv/bin/python
 help:
 	@sed -n 's/^\([a-z]*\):.*## /make \1: /p' Makefile
 
-demo: setup ## the tensile tests of all four fabrics; table, CSV and pictures under out/tensile
-	$(python) demos/tensile.py --fabric all --angle all --cells 9x3 --degree 1 --out out/tensile
+demo: setup ## tensile tests of all four fabrics by the thesis's law and by the default one; see out/tensile
+	$(python) demos/tensile.py --fabric all --angle all --law continuous potential --cells 9x3 --degree 1 --out out/tensile
+	$(python) demos/thesis/closed_loops.py --loops 20000
 
 thesis: setup ## chapter 7 of the thesis beside this code, in out/thesis/thesis.html; what has run before is kept
 	$(python) demos/thesis/thesis.py

@@ -23,7 +23,7 @@ import numpy as np
 
 from fabric_fenicsx import fabrics, specimen
 from fabric_fenicsx.app import command
-from fabric_fenicsx.laws.woven import Woven
+from fabric_fenicsx.laws.potential import Potential
 from fabric_fenicsx.output import pictures, results
 from fabric_fenicsx.solvers import statics
 from fabric_fenicsx.surfaces import meshing
@@ -78,7 +78,7 @@ fabric = fabrics.load(file)
 
 # %%
 domain = meshing.read(meshing.MESHES / "strip.geo", gdim=2, length=fabric.gauge_length, width=fabric.width)
-strip = specimen.strip(domain, fabric, Woven(fabric), ends="free")
+strip = specimen.strip(domain, fabric, Potential(fabric), ends="free")
 pulls = np.linspace(0.0, fabric.displacement["warp"], 11)[1:]
 with results.Table(args.out / "history.csv") as table:
     for step in statics.march(strip.solver, strip.pull, pulls, progress=fabric.name):

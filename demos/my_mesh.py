@@ -20,8 +20,8 @@ from scipy.optimize import brentq
 
 from fabric_fenicsx import fabrics, sheet
 from fabric_fenicsx.app import command
+from fabric_fenicsx.laws.potential import Potential
 from fabric_fenicsx.laws.svk import StVenantKirchhoff
-from fabric_fenicsx.laws.woven import Woven
 from fabric_fenicsx.output import pictures
 from fabric_fenicsx.solvers import statics
 from fabric_fenicsx.surfaces import meshing
@@ -81,7 +81,7 @@ def inflate(cloth, held, pressure, steps, picture, label):
 args = command.script(__doc__, "out/my_mesh")
 domain, fabric = meshing.from_gmsh(sleeve), fabrics.load("blend")
 h, G = fabric.thickness, fabric.shear.modulus[0]
-cloth = sheet.Sheet(domain, Woven(fabric), h, shear=(G, G), warp=(0, 1, 0))
+cloth = sheet.Sheet(domain, Potential(fabric), h, shear=(G, G), warp=(0, 1, 0))
 held = supports.lead(domain, cloth.space, "cuff", 1, 0.0)
 held += supports.lead(domain, cloth.space, "front", 0, 0.0) + supports.lead(domain, cloth.space, "side", 2, 0.0)
 inflate(cloth, held, PRESSURE, 5, args.out / "sleeve.png", "sleeve")

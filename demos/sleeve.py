@@ -20,7 +20,7 @@ from scipy.spatial.transform import Rotation
 from fabric_fenicsx import fabrics, sheet
 from fabric_fenicsx.app import command
 from fabric_fenicsx.errors import InputError
-from fabric_fenicsx.laws.woven import Woven
+from fabric_fenicsx.laws.potential import Potential
 from fabric_fenicsx.output import pictures, results
 from fabric_fenicsx.solvers import checkpoint
 from fabric_fenicsx.surfaces import meshing
@@ -72,7 +72,7 @@ def main():
     fabric, bend, twist = fabrics.load(args.fabric), np.radians(args.bend), np.radians(args.twist)
     domain = meshing.read(MESH, radius=RADIUS, length=LENGTH, around=args.around, along=args.along)
     G = fabric.shear.modulus[0]
-    cloth = sheet.Sheet(domain, Woven(fabric), fabric.thickness, shear=(G, G), warp=(1, 0, 0))
+    cloth = sheet.Sheet(domain, Potential(fabric), fabric.thickness, shear=(G, G), warp=(1, 0, 0))
     command.say(f"{cloth.q.function_space.dofmap.index_map.size_global} unknowns")
 
     held, move = supports.grip(domain, cloth.space, "wrist")

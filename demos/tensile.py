@@ -10,6 +10,7 @@ Figure 7-9 (c).
 
 import argparse
 from dataclasses import dataclass, replace
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -206,13 +207,17 @@ def plot(path, runs):
     names = list(dict.fromkeys(case.fabric.name for case, _ in runs))
     columns = min(len(names), 2)
     figure, panels = plots.panels(columns, -(-len(names) // columns), 5.0, 3.8)
+    several = len({case.law for case, _ in runs}) > 1
     for name, axes in zip(names, panels, strict=False):
         thesis = name in fabrics.names()
         for case, table in (run for run in runs if run[0].fabric.name == name):
             strain, stress = table.column("axial_strain"), table.column("axial_stress_MPa")
             strain, stress = np.insert(strain, 0, 0.0), np.insert(stress, 0, 0.0)
             look = plots.style(name, WAYS.get(case.angle, "another"))
-            axes.plot(strain, stress, label=f"warp at {case.angle:g}°, {case.ends} ends", **look)
+            if several:
+                look |= {"linestyle": "-" if case.law == named.DEFAULT else "--"}
+            which = f", {case.law}" * several
+            axes.plot(strain, stress, label=f"warp at {case.angle:g}°, {case.ends} ends{which}", **look)
             smooth = np.linspace(0.0, strain.max(), 100)
             for curve, label in (
                 (case.fitted(smooth), "fitted curve" + ", Table 7.1" * thesis),
@@ -239,7 +244,7 @@ def report(case, table, peak, stopped):
     exact = case.law != "printed" and case.ends == "free" and fitted is not None
     right = balanced and not (exact and abs(top["axial_stress_MPa"] / fitted * 1e6 - 1) > 0.005)
     line = (
-        f"{case.fabric.name:24s}{case.angle:6g} {case.ends:8s}{top['displacement_mm']:9.2f}"
+        f"{case.fabric.name:24s}{case.law:11s}{case.angle:6g} {case.ends:8s}{top['displacement_mm']:9.2f}"
         f"{top['axial_stress_MPa']:10.3f}{difference:>11s}{contraction:8.3f}{narrower:>10s}{up:10.1f}{down:6.1f}"
         f"{int(table.column('step_cuts').sum()):5d}{table.column('wall_s').sum():8.2f}  "
     )
@@ -261,7 +266,7 @@ def arguments():
     parser.add_argument(
         "--angle", type=angles, default="0", help="degrees from the load to the warp, or all: 0, 90 and 45"
     )
-    parser.add_argument("--law", choices=named.MEASURED, default=named.DEFAULT, help="the thesis's is the printed one")
+    parser.add_argument("--law", nargs="+", choices=named.MEASURED, default=[named.DEFAULT], help="one or more")
     parser.add_argument("--poisson", choices=["measured", "lowered"], default="measured", help="Poisson's ratios")
     parser.add_argument("--ramp", type=command.number, help="strain over which a modulus changes after a reversal")
     parser.add_argument("--cells", type=command.grid, default="36x12", help="cells along and across the strip")
@@ -296,23 +301,24 @@ def main():
     if args.imperfection and args.kinematics != "shell":
         raise InputError("Only a shell has a height: --imperfection goes with --kinematics shell.")
     out = results.folder(args.out)
-    command.say(f"{'fabric':24s}{'angle':>6s} {'ends':8s}{'up to mm':>9s}{'S MPa':>10s}{'off fit, %':>11s}"
+    command.say(f"{'fabric':24s}{'law':11s}{'angle':>6s} {'ends':8s}{'up to mm':>9s}{'S MPa':>10s}{'off fit, %':>11s}"
                 f"{'nu':>8s}{'off nu, %':>10s}{'Newton up':>10s}{'down':>6s}{'cuts':>5s}{'s':>8s}  end")  # fmt: skip
     for name in names:
         fabric = fabrics.load(name)
-        for angle in args.angle:
+        for angle, law in product(args.angle, args.law):
             ends = args.ends or ("clamped" if angle in (0.0, 90.0) else "free")
             case = Case(
-                fabric, angle, args.law, args.poisson, args.cells, args.degree, args.steps, ends, args.reload,
+                fabric, angle, law, args.poisson, args.cells, args.degree, args.steps, ends, args.reload,
                 args.mesh, args.kinematics, args.imperfection * 1e-3, args.whole, args.triangles, args.ramp,
             )  # fmt: skip
-            folder = results.folder(out / f"{Path(name).stem}_{angle:g}")
+            tail = "" if len(args.law) == 1 else f"_{law}"
+            folder = results.folder(out / f"{Path(name).stem}_{angle:g}{tail}")
             table, peak, stopped = run(case, folder, comm, progress=f"{fabric.name} {angle:g}")
             line, good = report(case, table, peak, stopped)
             command.say(line)
-            if stopped and len(names) * len(args.angle) == 1:
+            if stopped and len(names) * len(args.angle) * len(args.law) == 1:
                 command.say(stopped)
-            right = right and good and (stopped is None or args.law == "printed")
+            right = right and good and (stopped is None or law == "printed")
             runs.append((case, table))
             if comm.rank == 0:
                 plot(folder / "stress_strain.png", runs[-1:])

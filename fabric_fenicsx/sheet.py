@@ -40,7 +40,7 @@ class Sheet:
 
     Hold it with `supports`, load it with terms of `weakform` on its test function `v`, and solve:
 
-        cloth = Sheet(meshing.read("sheet.geo"), Woven(fabric), fabric.thickness, shear=(G, G))
+        cloth = Sheet(meshing.read("sheet.geo"), Potential(fabric), fabric.thickness, shear=(G, G))
         load = weakform.pressure(p, cloth.u, cloth.v, cloth.dx)
         solver = cloth.equilibrium(supports.clamp(cloth.domain, cloth.space, "rim"), load)
 

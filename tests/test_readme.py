@@ -15,7 +15,7 @@ from test_setup import PROJECT
 
 from fabric_fenicsx import fabrics, sheet
 from fabric_fenicsx.identify import synthetic
-from fabric_fenicsx.laws.woven import Woven
+from fabric_fenicsx.laws.potential import Potential
 from fabric_fenicsx.shell import kinematics
 from fabric_fenicsx.solvers import statics
 from fabric_fenicsx.surfaces import meshing, yarns
@@ -89,7 +89,7 @@ def test_code():
     """The two scripts, with what a reader has to bring."""
     plane, motion = re.findall(r"```python\n(.*?)```", README, re.S)
     names = {"fem": fem, "ufl": ufl, "np": np, "meshing": meshing, "yarns": yarns, "kinematics": kinematics}
-    names |= {"hook": hook, "weakform": weakform, "statics": statics, "fabrics": fabrics, "Woven": Woven}
+    names |= {"hook": hook, "weakform": weakform, "statics": statics, "fabrics": fabrics, "Potential": Potential}
     names |= {"sheet": sheet, "supports": supports, "loads": [0.1], "set_load": lambda part: None}
     head, solve = plane.split("solver =")
     exec(head, names)

@@ -125,7 +125,7 @@ def arguments():
     parser.add_argument(
         "--fabric", nargs="+", default=["blend", "denim"], help=f"of {', '.join(fabrics.names())}, or TOML files"
     )
-    parser.add_argument("--law", choices=named.MEASURED, default=named.DEFAULT)
+    parser.add_argument("--law", choices=named.MEASURED, default="continuous")
     parser.add_argument("--poisson", choices=["measured", "lowered"], default="measured")
     parser.add_argument("--displacement", type=command.number, default=30.0, help="extension of a side, mm")
     parser.add_argument("--cells", type=command.positive, default=4, help="cells along a side")

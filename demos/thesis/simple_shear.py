@@ -143,7 +143,7 @@ def arguments():
     parser.add_argument(
         "--cycle", choices=["sign", "reload"], default="sign", help="change sign, or unload a little and reload"
     )
-    parser.add_argument("--law", choices=named.MEASURED, default=named.DEFAULT)
+    parser.add_argument("--law", choices=named.MEASURED, default="continuous")
     parser.add_argument("--poisson", choices=["measured", "lowered"], default="measured")
     parser.add_argument("--steps", type=command.positive, default=20, help="steps for a shear of the amplitude")
     parser.add_argument("--amplitude", type=command.number, default=0.4, help="largest shear 2 E12")

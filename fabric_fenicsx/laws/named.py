@@ -12,7 +12,7 @@ THESIS = {"continuous": Woven, "printed": Printed}
 """Chapter 6 as a continuous function of strain, and to the letter."""
 MEASURED = {**THESIS, "potential": Potential}
 """Laws of the whole measured behaviour."""
-DEFAULT = "continuous"
+DEFAULT = "potential"
 """The law of scenes and command lines that name none."""
 NAMES = (*MEASURED, "svk")
 """All names; svk is linear elasticity with the fabric's first moduli."""
