@@ -5,8 +5,9 @@ gripped, and moves as one rigid body: it bends the sleeve by --bend along a circ
 and the outer side, and turns by --twist about itself. The inner side is pushed together and wrinkles. Statics has no
 way through a hundred small bucklings, so the sleeve moves in time, with some damping, and then rests.
 
-The checked numbers: at most 2 % of the largest external work is not accounted for, and what the law, the damping and
-the scheme took is not negative (to 0.01 % of that work). There is no contact: folds may touch and cross.
+The checked numbers: at most 2 % of the largest external work is not accounted for, and what the law and the damping
+took is not negative (to 0.01 % of that work; the scheme's part to 0.1 %). There is no contact: folds may touch and
+cross.
 """
 
 from mpi4py import MPI  # isort: skip  (first, as in every DOLFINx script: it loads the MPI library)
@@ -117,8 +118,9 @@ def main():
         f"{t['by_law']:.3g}, by damping {t['by_damping']:.3g}, by the scheme {t['by_scheme']:.3g}, kinetic "
         f"{t['kinetic']:.3g} J; largest imbalance {100 * ledger.worst / ledger.most:.2f} %"
     )
-    lost = min(t[way] for way in ("by_law", "by_damping", "by_scheme"))
-    good = ledger.worst <= 0.02 * ledger.most and lost >= -1e-4 * ledger.most
+    lost = min(t["by_law"], t["by_damping"])
+    # the scheme's part has a sign in linear problems only
+    good = ledger.worst <= 0.02 * ledger.most and lost >= -1e-4 * ledger.most and t["by_scheme"] >= -1e-3 * ledger.most
     command.say(f"check: imbalance at most 2 %, losses are losses: {'yes' if good else 'NO'}; see {out}")
     return 0 if good else 1
 

@@ -79,7 +79,7 @@ def run(fabric, law, steps=20, displacement=0.03, out=None, cells=4, mesh=MESH, 
                     wall_s=step.wall_s,
                 )
                 if fields:
-                    E11 = sheet.strain[..., 0].mean(axis=1)
+                    E11 = sheet.points.strain[..., 0].mean(axis=1)
                     fields.write(step.number, warp_strain_E11=E11)
                     if step.number == steps:
                         title = f"{fabric.name}, 1:1 biaxial, {step.load * 1e3:g} mm"

@@ -108,7 +108,7 @@ def run(fabric, law, cycle="sign", steps=20, amplitude=0.4, out=None, mesh=MESH,
                     wall_s=step.wall_s,
                 )
                 if fields:
-                    E12 = sheet.strain[..., 2].mean(axis=1) / 2
+                    E12 = sheet.points.strain[..., 2].mean(axis=1) / 2
                     fields.write(step.number, shear_strain_E12=E12)
                     if step.number == peak:
                         title = f"{fabric.name}, simple shear, 2 E12 = {g:.3g}"
