@@ -23,7 +23,7 @@ from fabric_fenicsx.surfaces import meshing
 from fabric_fenicsx.terms import supports
 
 SIDE = 2.0  # m
-SOLVERS = {"direct": linear.DIRECT, "lagged": linear.LAGGED, "iterative": linear.IN_MOTION}
+SOLVERS = {"direct": {}, "lu": linear.DIRECT, "lagged": linear.LAGGED, "iterative": linear.IN_MOTION}
 
 
 def law(args, fabric):
@@ -91,7 +91,9 @@ def runner(args, cloth, areal_mass, bcs, loads, set_load=lambda t: None):
     same = {"damping": args.damping, "rotary": args.rotary, "set_load": set_load}
     if args.method == "implicit":
         same["options"] = SOLVERS[args.solver]
-        return cloth.newmark(areal_mass, bcs, loads, args.rho, lumped=args.lumped, rtol=args.rtol, **same)
+        run, ledger = cloth.newmark(areal_mass, bcs, loads, args.rho, lumped=args.lumped, rtol=args.rtol, **same)
+        command.say(f"linear systems by {linear.method(run.solver.snes)}")
+        return run, ledger
     run, ledger = cloth.explicit(areal_mass, bcs, loads, **same)
     command.say(f"stable step {run.stable * 1e6:.3g} us; directors have the inertia of a {args.rotary}")
     return run, ledger

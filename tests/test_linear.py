@@ -124,3 +124,22 @@ def test_a_linear_solver_that_does_not_get_there_fails_the_step(stretches):
     with pytest.raises(StepFailed, match="diverged_linear_solve"):
         solver.solve()
     assert (cloth.q.x.array == before).all()
+
+
+@pytest.mark.parallel
+@pytest.mark.parametrize("kind", ["elastic", "woven"])
+def test_symmetric_systems_are_factorised_as_such(kind):
+    """LDL' where all terms are symmetric, LU where the law is not, or is asked for: one answer."""
+    heights = []
+    for options in ({}, linear.DIRECT):
+        solver, g = stretched(square(kind, 6), options)
+        symmetric = kind == "elastic" and not options
+        assert linear.method(solver.snes) == ("LDL' by MUMPS" if symmetric else "LU by MUMPS")
+        assert solver.symmetric == (kind == "elastic")
+        solver.solve()
+        solver.commit()
+        g.value[2] = -9.81
+        solver.solve()
+        heights.append(solver.u.x.array.copy())
+    assert np.abs(heights[1]).max() > 0.0
+    assert np.abs(heights[0] - heights[1]).max() < 1e-8 * np.abs(heights[1]).max()

@@ -2,6 +2,8 @@
 
 import itertools
 import weakref
+from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 from dolfinx import fem, la
@@ -15,11 +17,15 @@ Options = dict[str, object]
 DIRECT: Options = {"ksp_type": "preonly", "pc_type": "lu", "pc_factor_mat_solver_type": "mumps"}
 """LU by MUMPS, the default: few entries of a surface fill in; 340 x 340 cells take 7.1 GB."""
 
+# of a front on several ranks, which ScaLAPACK would take, pivots are not counted
+SYMMETRIC: Options = DIRECT | {"pc_type": "cholesky", "mat_mumps_icntl_13": 1}
+"""LDL' by MUMPS, the default where all terms are symmetric: about half the entries (`demos/studies/scaling.py`)."""
+
 # rows of given unknowns make any stiffness non-symmetric; from the right, it is true forces that become small
 GMRES: Options = {"ksp_type": "gmres", "ksp_pc_side": "right", "ksp_gmres_restart": 100}
 
-LAGGED = DIRECT | GMRES | {"ksp_rtol": 1e-4, "ksp_max_it": 100, "snes_lag_preconditioner": 10}
-"""One LU a step of `newmark`, that of its first Newton iteration, goes on to serve GMRES.
+LAGGED: Options = GMRES | {"ksp_rtol": 1e-4, "ksp_max_it": 100, "snes_lag_preconditioner": 10}
+"""One factorisation a step of `newmark`, that of its first Newton iteration, goes on to serve GMRES.
 
 Drape of blend, processor time of a Newton iteration: 0.51 s instead of 0.66 on 80 x 80 cells; no gain on 40 x 40.
 """
@@ -60,22 +66,36 @@ SMALL: Options = {"mat_mumps_icntl_7": 2}
 _number = itertools.count()
 
 
-def configure(snes: PETSc.SNES, A: PETSc.Mat, options: Options) -> None:
-    """Give a SNES its options, under a prefix of its own; A: its Jacobian.
+def weak(method: Callable[..., Any]) -> Callable[..., Any]:
+    """A callback that does not keep its owner alive: PETSc's reference closes a cycle that Python cannot see."""
+    reference = weakref.WeakMethod(method)
+    return lambda *arguments: reference()(*arguments)  # type: ignore[misc]
 
-    As options they outlive a change of the pattern, with which MUMPS starts anew.
+
+def configure(snes: PETSc.SNES, A: PETSc.Mat, options: Options, symmetric: bool = False) -> None:
+    """Give a SNES its options, under a prefix of its own; A: its Jacobian, factorised as LDL' where it is symmetric.
+
+    Options that name a preconditioner, such as `DIRECT`, are taken as they are. As options they outlive a change of the
+    pattern, with which MUMPS starts anew.
     """
     prefix = f"statics{next(_number)}_"
     snes.setOptionsPrefix(prefix)
     store = PETSc.Options(prefix)
     # on several ranks its tree is too slender: 1.2 times as fast on two, 1.65 with MUMPS's own (40 x 40 cells)
     small = A.size[0] < 10000 and A.comm.size == 1
-    every = MUMPS | (SMALL if small else {}) | options
+    every = MUMPS | (SMALL if small else {}) | (SYMMETRIC if symmetric else DIRECT) | options
     given = {name: value for name, value in every.items() if value is not None}
     for name, value in given.items():
         store[name] = value
     snes.setFromOptions()
     weakref.finalize(snes, _forget, store, list(given))
+
+
+def method(snes: PETSc.SNES) -> str:
+    """How a SNES solves its linear systems, in words."""
+    kind, pc = snes.ksp.getType(), snes.ksp.getPC().getType()
+    factors = {"lu": "LU by MUMPS", "cholesky": "LDL' by MUMPS"}.get(pc, pc)
+    return factors if kind == "preonly" else f"{kind} with {factors}"
 
 
 def _forget(store: PETSc.Options, names: list[str]) -> None:

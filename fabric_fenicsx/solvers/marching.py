@@ -63,7 +63,7 @@ class March:
                         iterations += solver.solve()
                     except StepFailed as error:
                         cuts += 1
-                        iterations += solver.snes.getIterationNumber()
+                        iterations += solver.iterations
                         self._fraction /= 2
                         if self._fraction < self._smallest:
                             self._set_load(self.load)

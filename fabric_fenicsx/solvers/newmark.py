@@ -134,7 +134,7 @@ class Newmark(Stepper):
                     break
                 self.solver.restore()
             except StepFailed as error:
-                self.iterations += self.solver.snes.getIterationNumber()
+                self.iterations += self.solver.iterations
                 if self._part / 2 < self._smallest:
                     self.set_load(self.time)
                     raise StepFailed(

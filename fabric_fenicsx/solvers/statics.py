@@ -1,8 +1,6 @@
 """Newton's method by PETSc SNES for one load step; `march` and `continuation` go through many."""
 
-import weakref
-from collections.abc import Callable, Sequence
-from typing import Any
+from collections.abc import Sequence
 
 import numpy as np
 from mpi4py import MPI
@@ -19,18 +17,13 @@ from ..terms.term import Residual, Term
 from . import linear
 from .continuation import Step as Step
 from .failures import REASONS, blame, failed, solve
+from .linear import weak
 from .marching import march as march
 from .reactions import Reactions
 from .tangent import Tangent
 
-OPTIONS = {"snes_linesearch_type": "basic", "snes_max_it": 25} | linear.DIRECT
-"""PETSc options of `StaticSolver` that a user may override."""
-
-
-def _weak(method: Callable[..., Any]) -> Callable[..., Any]:
-    """A callback that does not keep its owner alive: PETSc's reference closes a cycle that Python cannot see."""
-    reference = weakref.WeakMethod(method)
-    return lambda *arguments: reference()(*arguments)  # type: ignore[misc]
+OPTIONS: linear.Options = {"snes_linesearch_type": "basic", "snes_max_it": 25}
+"""PETSc options of `StaticSolver` that a user may override; those of linear systems: see `linear.configure`."""
 
 
 class StaticSolver(Reactions):
@@ -46,7 +39,7 @@ class StaticSolver(Reactions):
         bcs: Dirichlet conditions on the space of u, whose values may change between solves.
         rtol: a step is solved when the residual at the free unknowns is below rtol times the largest nodal force or
             support force so far, or the last correction below 1e-9 of the displacement or 1e-14 of the sheet's size.
-        options: PETSc options, over `OPTIONS`; for a sheet too large for the default, `linear.ITERATIVE`.
+        options: PETSc options, over `OPTIONS`; for very large sheets `linear.ITERATIVE`, for LU `linear.DIRECT`.
         space: of a shell, whose directors the solver turns.
     """
 
@@ -73,7 +66,7 @@ class StaticSolver(Reactions):
         self._fault: Exception | None = None
         self.residuals: list[float] = []
         """Norms of the residual in the last solve, N."""
-        self.linear_iterations = 0  # of all solves so far; with LU, a linear system takes one
+        self.linear_iterations = 0  # of all solves so far; with factors, a linear system takes one
         self._force = fempetsc.create_vector(u.function_space)
         self._x, self._b = (fempetsc.create_vector(self._y.function_space) for _ in range(2))
         every = np.arange(self._x.local_size) if space is None else np.array(space.W.sub(0).collapse()[1])
@@ -93,11 +86,11 @@ class StaticSolver(Reactions):
         rows = dofmap.index_map.local_to_global(blocks.astype(np.int32)) * dofmap.index_map_bs + components
         self._given_rows, self._targets = rows.astype(PETSc.IntType), self._y.x.array
         self.snes = PETSc.SNES().create(self.comm)
-        self.snes.setFunction(_weak(self._residual), self._b)
-        self.snes.setJacobian(_weak(self._jacobian), self.tangent.A)
-        self.snes.setConvergenceTest(_weak(self.converged))
-        self.snes.setLineSearchPreCheck(_weak(self._shorten))
-        linear.configure(self.snes, self.tangent.A, OPTIONS | (options or {}))
+        self.snes.setFunction(weak(self._residual), self._b)
+        self.snes.setJacobian(weak(self._jacobian), self.tangent.A)
+        self.snes.setConvergenceTest(weak(self.converged))
+        self.snes.setLineSearchPreCheck(weak(self._shorten))
+        linear.configure(self.snes, self.tangent.A, OPTIONS | (options or {}), self.symmetric)
         by_grids = self.snes.ksp.getPC().getType() == "gamg"
         self._motions = linear.RigidMotions(u, self._y, space) if by_grids else None
         # a step that ends in NaN would pass for converged where the correction before it was small
@@ -150,12 +143,17 @@ class StaticSolver(Reactions):
 
     def _assemble_tangent(self, *right: PETSc.Vec) -> None:
         if self.tangent.follow():
-            self.snes.setJacobian(_weak(self._jacobian), self.tangent.A)
+            self.snes.setJacobian(weak(self._jacobian), self.tangent.A)
         self.tangent.assemble(self._force)
         self.tangent.eliminate(self._given_rows, self.symmetric, right)
         self._sound = self.tangent.sound()  # else the next residual is NaN
 
     rate: Rate | None = None  # of `step`: velocity, its derivative by u
+
+    @property
+    def iterations(self) -> int:
+        """Newton iterations of the last solve, whether it failed or not."""
+        return int(self.snes.getIterationNumber())
 
     def longest_step(self, change: PETSc.Vec) -> float:
         """The part of a change of the unknowns, from where they were last set, that all terms allow, up to 1."""
@@ -187,7 +185,7 @@ class StaticSolver(Reactions):
             b = self.residual(self._x)
             self.residuals.append(b.norm())
             correction = b.duplicate()
-            solved = np.isfinite(self.residuals[-1]) and solve(self.factorised(b), b, correction)
+            solved = np.isfinite(self.residuals[-1]) and solve(self.prepared(b), b, correction)
             if not (solved and self._sound):
                 raise self.failure("residual or Jacobian is not finite, or singular")
             self._x.axpy(-1.0, correction)
@@ -229,6 +227,8 @@ class StaticSolver(Reactions):
         self._assemble_tangent(*right)
         self.snes.ksp.setOperators(self.tangent.A)
         return self.snes.ksp
+
+    prepared = factorised  # what a step is made with
 
     def converged(self, snes: PETSc.SNES, iteration: int, norms: tuple[float, float, float]) -> int | None:
         """SNES's test, with the norms of unknowns, last correction and residual."""

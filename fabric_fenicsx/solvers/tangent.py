@@ -30,6 +30,7 @@ class Tangent:
         self, terms: Sequence[Term], V: fem.FunctionSpace, shell: ShellSpace | None, turn: PETSc.Mat | None
     ) -> None:
         self._terms, self._space, self._shell, self._turn = terms, V, shell, turn
+        self._symmetric = all([term.symmetric for term in terms])
         self._build()
 
     def _build(self) -> None:
@@ -50,6 +51,13 @@ class Tangent:
         # a copy of a product cannot be the result of the next one: PETSc crashes
         self.A = self.K if self._turn is None else self.K.ptap(self._turn)
         self.A.setOption(PETSc.Mat.Option.KEEP_NONZERO_PATTERN, True)
+        self.declare(self._symmetric)
+
+    def declare(self, symmetric: bool) -> None:
+        """Whether `A` is and stays symmetric once given unknowns are eliminated; by default, as the terms are."""
+        self._symmetric = symmetric
+        for option in (PETSc.Mat.Option.SYMMETRIC, PETSc.Mat.Option.SYMMETRY_ETERNAL):
+            self.A.setOption(option, symmetric)
 
     def follow(self) -> bool:
         """Whether the pattern of a term has changed; `K` and `A` are then new matrices."""

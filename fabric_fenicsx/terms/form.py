@@ -27,7 +27,8 @@ class FormTerm(Term):
         q: the unknown.
         rate: of a motion, whose velocity may be in the form.
         energy: form of what it stores in J, a number, if it stores anything; laws with a hook tell theirs themselves.
-        symmetric: whether the derivative by q is so in every state; by default, only where UFL can see it.
+        symmetric: whether the derivative by q is so in every state; by default, only where UFL can see it. True of a
+            form with hooks says also that it is the internal work of these hooks, with their `factor`, and no more.
     """
 
     def __init__(
@@ -51,6 +52,7 @@ class FormTerm(Term):
         # forces that depend on nothing but loads are assembled anew only where those have changed
         self._dead = None if moving.intersection(inputs) else inputs
         self._known, self._force = np.full(1, np.nan), np.zeros(0)
+        self._since, self._gentle = q.x.array.copy(), rate is None or rate[0] not in inputs
         self.has_kinks = bool(self.hooks)
 
     def _derive(self) -> None:
@@ -114,10 +116,39 @@ class FormTerm(Term):
         """See `Term.energy`."""
         parts = [hook.points.energy() for hook in self.hooks]
         if self._energy_form is not None:
-            if not hasattr(self, "_energy"):
-                self._energy = fem.form(self._energy_form)
-            parts.append(float(fem.assemble_scalar(self._energy)))
+            parts.append(self._scalar())
         return sum(parts) if parts else None
+
+    def _scalar(self) -> float:
+        if not hasattr(self, "_energy"):
+            self._energy = fem.form(self._energy_form)
+        return float(fem.assemble_scalar(self._energy))
+
+    def potential(self) -> float | None:
+        """See `Term.potential`; of loads less their work along the straight way from the last commit.
+
+        Simpson's rule is exact for forces up to cubic in q, as a pressure's are. It is a potential only where the
+        derivative of the force is symmetric at the unknowns that are free, which is for a solver to see.
+        """
+        if not self._gentle:
+            return None
+        if self.hooks and (self._declared is not True or any(law is None for law in self._of_laws())):
+            return None
+        if self.hooks or self._energy_form is not None:
+            outside = 0.0 if self._energy_form is None else self._scalar()
+            return outside + sum(energy for energy in self._of_laws() if energy is not None)
+        now = self.q.x.array.copy()
+        way, forces = now - self._since, []
+        for part in (1.0,) if self._dead is not None else (0.0, 0.5, 1.0):
+            self.q.x.array[:] = now if part == 1.0 else self._since + part * way
+            forces.append(np.zeros_like(now))
+            self.add_force(forces[-1])
+        # forces of ghosts are not yet with their owners, so that each rank's sum is its own cells' part
+        mean = forces[0] if len(forces) == 1 else (forces[0] + 4.0 * forces[1] + forces[2]) / 6.0
+        return float(mean @ way)
+
+    def _of_laws(self) -> list[float | None]:
+        return [hook.points.potential() for hook in self.hooks]
 
     def dissipated(self) -> float:
         """See `Term.dissipated`."""
@@ -130,11 +161,13 @@ class FormTerm(Term):
 
     def commit(self) -> None:
         """See `Term.commit`."""
+        self._since[:] = self.q.x.array
         for hook in self.hooks:
             hook.points.commit()
 
     def renew(self) -> None:
         """See `Term.renew`."""
+        self._since[:] = self.q.x.array
         for hook in self.hooks:
             hook.points.renew()
 

@@ -70,6 +70,7 @@ class LawPoints:
         self._spares = getattr(law, "spares_tangent", False)
         self._beyond: Callable[[Array], str | None] | None = getattr(law, "beyond_calibration", None)
         self._recoverable = getattr(law, "recoverable", None)
+        self._potential: Callable[[Array, Array], Array] | None = getattr(law, "potential", None)
         self._start: tuple[Array, Array, Array] | None = None
         self._taken: Array | None = None
         self._energy = 0.0
@@ -140,7 +141,13 @@ class LawPoints:
         where = ", ".join(f"{x:.4g}" for x in middle[: self.mesh.geometry.dim])
         return float(size[cell, point]), f"cell {number} at ({where}) m, point {point}: strain ({strain})"
 
-    # -- its work: integrated along the straight path of strain, by Simpson's rule with one more call of the law -------
+    def potential(self) -> float | None:
+        """Incremental potential at the last evaluation, J on this rank; None of a law that has none."""
+        if self._potential is None:
+            return None
+        return float(self._weights.ravel() @ self._potential(self._own()[0], self._states(self.history.committed)))
+
+    # -- its work: from its potential, or along the straight path of strain by Simpson's rule with one more call -------
 
     def watch(self) -> None:
         """Account for work from the present strain, and the state after it, on; see `Term.watch`."""
@@ -180,6 +187,8 @@ class LawPoints:
         if self._start is None:
             return np.zeros(self.owned * self.strain.shape[1])
         (strain, stress, state), (now, force) = self._start, self._own()
+        if self._potential is not None:  # exactly
+            return np.asarray(self._weights.ravel() * (self._potential(now, state) - self._potential(strain, state)))
         change, (n, m) = now - strain, strain.shape
         middle, moduli = np.empty_like(stress), np.empty((0 if self._spares else n, m, m))
         flags = {"tangent": False} if self._spares else {}

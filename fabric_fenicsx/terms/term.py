@@ -65,6 +65,13 @@ class Term:
         """What it stores at the last evaluation, J on this rank; None if it has none, and its work is all there is."""
         return None
 
+    def potential(self) -> float | None:
+        """Energy whose gradient by q is the force, at the last evaluation, J on this rank; None if there is none.
+
+        It belongs to the step from the last commit: a history is what it was then, and a constant may be missing.
+        """
+        return None
+
     def dissipated(self) -> float:
         """What it has lost since the last `watch`, J on this rank, at the last evaluation."""
         return 0.0

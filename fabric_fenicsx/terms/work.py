@@ -110,6 +110,11 @@ class InternalWork(Term):
         """See `Term.energy`."""
         return sum(part.energy() for part in self._parts)
 
+    def potential(self) -> float | None:
+        """See `Term.potential`."""
+        parts = [part.energy() if part.points is None else part.points.potential() for part in self._parts]
+        return None if None in parts else sum(parts)  # type: ignore[arg-type]
+
     def dissipated(self) -> float:
         """See `Term.dissipated`."""
         return sum(points.dissipated() for points in self.points)
