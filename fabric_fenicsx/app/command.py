@@ -120,8 +120,10 @@ def run(main: Callable[[], int | None], shown: bool | None = None) -> None:
         elif MPI.COMM_WORLD.rank == 0:
             print(f"error: {error}", file=sys.stderr, flush=True)
         status = 2 if isinstance(error, InputError) else 1
-    except KeyboardInterrupt as error:  # with the number of the signal, from `checkpoint.guard`
+    except KeyboardInterrupt as error:  # with the number of the signal, on every rank, from `checkpoint.guard`
         status = 128 + int(error.args[0]) if error.args else 130
+        if not error.args and MPI.COMM_WORLD.size > 1:
+            MPI.COMM_WORLD.Abort(status)  # outside of a guard the other ranks may be waiting for this one
     except Exception as error:
         if shown is False:
             what = f"{type(error).__name__}: {error}"
