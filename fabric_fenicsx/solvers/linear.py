@@ -63,6 +63,9 @@ MUMPS: Options = {"mat_mumps_icntl_6": 0, "mat_mumps_icntl_8": 1}
 SMALL: Options = {"mat_mumps_icntl_7": 2}
 """An ordering by least fill (AMF) saves as much; from 10 000 unknowns on MUMPS's own choice is better."""
 
+ROOM: Options = {"mat_mumps_icntl_14": 200}
+"""MUMPS guesses the room that it needs, for small systems on several ranks not well enough: percent more of it."""
+
 _number = itertools.count()
 
 
@@ -82,8 +85,9 @@ def configure(snes: PETSc.SNES, A: PETSc.Mat, options: Options, symmetric: bool 
     snes.setOptionsPrefix(prefix)
     store = PETSc.Options(prefix)
     # on several ranks its tree is too slender: 1.2 times as fast on two, 1.65 with MUMPS's own (40 x 40 cells)
-    small = A.size[0] < 10000 and A.comm.size == 1
-    every = MUMPS | (SMALL if small else {}) | (SYMMETRIC if symmetric else DIRECT) | options
+    small = A.size[0] < 10000
+    room = (SMALL if A.comm.size == 1 else ROOM) if small else {}
+    every = MUMPS | room | (SYMMETRIC if symmetric else DIRECT) | options
     given = {name: value for name, value in every.items() if value is not None}
     for name, value in given.items():
         store[name] = value
