@@ -58,8 +58,12 @@ meant to be copied and changed.
 - **Beyond the tests.** A fabric is known up to the largest strain of its tests. From there its curves go on along their
   tangents, and a warning says so once.
 - **Compression along a yarn** has the first modulus of tension, since a strip cannot be pressed; a sheet buckles.
-- **Bending** is that of the law in layers through the thickness. Real cloth, whose yarns slide, bends more easily; the
-  thesis measured no bending. The thickness of the law is therefore not an independent bending stiffness.
+- **Bending** was not measured in the thesis. Scenes take it from the fabric's table [bending], or assume, and say so,
+  what 618 published fabrics of the same mass have. A cantilever's bending length holds the friction of a first
+  loading; B of a KES loop does not, and goes with its 2HB: do not add 2HB to a bending length. Friction of warp, weft
+  and twist do not know of each other, creases neither creep nor relax, and stretch does not change bending. With
+  `layers`, as in Chapter 7, a sheet bends as its plane law does through the measured thickness: of these fabrics 1 to
+  60 times as stiffly as 618 others at the median.
 - **Energy.** The measured law has no potential and its tangent is not symmetric: round a closed loop of strains in two
   directions it can make energy, much of it where Poisson's ratios are large (duck, muslin). The balance of energies
   closes all the same; `solvers.energy.Ledger.made` tells what was made. Lowered ratios lessen it.

@@ -12,7 +12,9 @@ from ufl.core.expr import Expr
 from ufl.form import Form
 
 from .errors import InputError
-from .laws import Law, checks, section
+from .laws import Law, checks
+from .laws.own_bending import OwnBending
+from .laws.section import Section
 from .shell import assumed_strain, directors, kinematics
 from .solvers import motion
 from .solvers.energy import Ledger
@@ -46,8 +48,9 @@ class Sheet:
 
     thickness in m; law: see `laws.Law`; one that is linear and symmetric (it has `stiffness`) needs no hook.
     shear: transverse shear moduli (G13, G23) in Pa, of a shell. warp: see `yarns.surface_axes`.
-    kinematics: "shell" or "membrane"; element: of a shell, see `directors.ELEMENTS`; layers: see `laws.section`.
-    reach: see `weakform.shear_stiffness`.
+    kinematics: "shell" or "membrane"; element: of a shell, see `directors.ELEMENTS`. reach: see
+    `weakform.shear_stiffness`. A shell bends as the law does in `layers` through the thickness, 3 unless told, see
+    `laws.section`; or by a law of its own, `bending`, see `laws.bending`.
 
     Raises InputError. Public: `domain`, `q` (unknown: displacement, or displacement and director), `test`,
     `u` and `v` (the displacement's part of both, for loads), `space` (for `supports`), `shell` (a ShellSpace or
@@ -64,14 +67,19 @@ class Sheet:
         warp: Sequence[float] | Expr = (1.0, 0.0, 0.0),
         kinematics: str = "shell",
         element: str | None = None,
-        layers: int = 3,
+        layers: int | None = None,
         reach: float = weakform.SHEAR_REACH,
+        bending: Law | None = None,
     ) -> None:
+        if bending is not None and (layers is not None or kinematics == "membrane"):
+            other = "a membrane, which does not bend" if kinematics == "membrane" else f"layers={layers}"
+            raise InputError(f"A bending law does not go with {other}; leave one of them out.")
         if kinematics not in ("shell", "membrane"):
             raise InputError(f"kinematics={kinematics!r} is neither 'shell' nor 'membrane'.")
         if not (np.isfinite(thickness) and thickness > 0.0):
             raise InputError(f"A thickness of {thickness!r} m is not a positive number.")
-        _look_at(law, domain.mesh.comm)
+        for given in (law, bending) if bending is not None else (law,):
+            _look_at(given, domain.mesh.comm)
         self.domain, self.law, self.thickness = domain, law, float(thickness)
         self.stored = Form([])
         self.terms: list[Term] = []
@@ -89,13 +97,18 @@ class Sheet:
         elif not all(np.isfinite(G) and G > 0.0 for G in shear):
             raise InputError(f"The transverse shear moduli {shear!r} Pa are not two positive numbers.")
         else:
-            self._build_shell(warp, element, layers, shear, reach)
+            through: Section | OwnBending
+            if bending is None:
+                through = Section(law, thickness, 3 if layers is None else layers)
+            else:
+                through = OwnBending(law, thickness, bending)
+            self._build_shell(warp, element, through, shear, reach)
 
     def _build_shell(
         self,
         warp: Sequence[float] | Expr,
         element: str | None,
-        layers: int,
+        through: Section | OwnBending,
         shear: tuple[float, float],
         reach: float,
     ) -> None:
@@ -104,16 +117,14 @@ class Sheet:
         self.q, self.test = space.function(), ufl.TestFunction(space.V)
         (self.u, self.director), (self.v, self.delta) = ufl.split(self.q), ufl.split(self.test)
         self.dx = space.dx
-        through = section.Section(self.law, self.thickness, layers)
-        linear = getattr(self.law, "stiffness", None)
-        stiffest = linear if linear is not None else getattr(getattr(self.law, "stiffest", None), "stiffness", None)
-        limit = (h, reach, _shear_modulus(stiffest, max(shear)), space.curvature())
+        linear: np.ndarray | None = getattr(through, "stiffness", None)
+        limit = (h, reach, through.shear_limit(max(shear)), space.curvature())
         variation = weakform.shear_variation(mesh, max(shear), *limit)
         self.strain, across = assumed_strain.shell_strains(space, self.q, warp, variation)
         across_stiffness = weakform.shear_stiffness(mesh, shear, *limit)
         response: Law | Expr = through
         if linear is not None:
-            response = fem.Constant(mesh, through.elastic(linear))
+            response = fem.Constant(mesh, linear)
             self.stored += weakform.stored(ufl.dot(response, self.strain), self.strain, 1.0, self.dx)
         self.stored += weakform.stored(ufl.dot(across_stiffness, across), across, 1.0, space.dx_shear)
         parts = [(self.strain, response, self.dx), (across, across_stiffness, space.dx_shear)]
@@ -269,14 +280,6 @@ class Sheet:
         """All local cells, ghosts included."""
         cells = self.domain.mesh.topology.index_map(2)
         return np.arange(cells.size_local + cells.num_ghosts, dtype=np.int32)
-
-
-def _shear_modulus(stiffness: np.ndarray | None, least: float) -> float:
-    """E/2/(1 + nu) of the larger modulus E of a plane stiffness (3, 3), if known; all in Pa."""
-    if stiffness is None:
-        return least
-    nu = np.sqrt(stiffness[0, 1] * stiffness[1, 0] / (stiffness[0, 0] * stiffness[1, 1]))
-    return max(least, float(stiffness.diagonal()[:2].max() * (1 - nu) / 2))
 
 
 def _look_at(law: Law, comm: MPI.Comm) -> None:

@@ -273,6 +273,7 @@ def test_a_law_that_tells_no_energy_leaves_the_section_silent():
     measured = OwnBending(Woven(BLEND), BLEND.thickness, Bending(LINEAR))
     assert "E11 = 0.900" in measured.beyond_calibration(np.array([[0.9, 0, 0, 1e4, 0, 0]]))
     assert measured.beyond_calibration(np.array([[0.1, 0, 0, 1e4, 0, 0]])) is None
+    assert measured.beyond_calibration(np.empty((0, 6))) is None  # a rank without cells
 
 
 def test_what_cannot_be_such_a_section_or_law():

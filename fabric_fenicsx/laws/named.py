@@ -3,6 +3,7 @@
 from ..errors import InputError
 from ..fabrics import Fabric
 from . import Law
+from .bending import Bending
 from .potential import Potential
 from .printed import Printed
 from .svk import StVenantKirchhoff
@@ -16,6 +17,15 @@ DEFAULT = "potential"
 """The law of scenes and command lines that name none."""
 NAMES = (*MEASURED, "svk")
 """All names; svk is linear elasticity with the fabric's first moduli."""
+
+
+BENDING = ("own", "layers")
+"""How a sheet of a fabric bends: as it was measured, or is assumed; or as the law does in layers of its thickness."""
+
+
+def bending(name: str, fabric: Fabric) -> Bending | None:
+    """The bending law of this name, one of `BENDING`; None for layers."""
+    return Bending.from_fabric(fabric) if name == "own" else None
 
 
 def law(

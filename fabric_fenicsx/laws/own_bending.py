@@ -65,9 +65,21 @@ class OwnBending:
         own = self._own
         return np.asarray(self.thickness * plane(strain[:, :3], state[:, :own]) + bent(strain[:, 3:], state[:, own:]))
 
+    def shear_limit(self, least: float) -> float:
+        """What limits the transverse shear of a thin shell, Pa: 6 B/h^3, B being the stiffest of warp and weft.
+
+        As isotropic layers of that B have it; the modulus `least` of layers does not matter here.
+        """
+        law: object = self.bending.stiffest if isinstance(self.bending, HasStiffest) else self.bending
+        if isinstance(law, HasStiffness):
+            D = law.stiffness
+        else:  # as it is at rest
+            D = self.bending.respond(np.zeros((1, 3)), self.bending.initial_state[None])[1][0]
+        return float(6 * D.diagonal()[:2].max() / self.thickness**3)
+
     def beyond_calibration(self, strain: Array) -> str | None:
         """One sentence if a strain or a curvature is beyond the range of its law, else None."""
-        for law, part in ((self.law, strain[:, :3]), (self.bending, strain[:, 3:])):
+        for law, part in ((self.law, strain[:, :3]), (self.bending, strain[:, 3:])) if len(strain) else ():
             if isinstance(law, HasCalibration) and (said := law.beyond_calibration(part)):
                 return said
         return None

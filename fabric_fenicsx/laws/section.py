@@ -12,7 +12,7 @@ import numba
 import numpy as np
 
 from ..errors import InputError
-from . import Array, HasPotential, HasRecoverable, HasStiffest, Law
+from . import Array, HasPotential, HasRecoverable, HasStiffest, HasStiffness, Law
 
 
 class Section:
@@ -21,7 +21,7 @@ class Section:
     Its strain is packed as (E11, E22, 2 E12, K11, K22, 2 K12), the strain at a height z being E + z K;
     with `quadratic` three more components follow, which go with z^2. Its stress is the resultants
     (N, M, ...), the integrals of S, z S and z^2 S, in N/m, N and N m. Its state is the law's own at
-    each layer, one after the other. What the law offers besides, energies and `stiffest`, it offers too.
+    each layer, one after the other. What the law offers besides, energies, `stiffness`, `stiffest`, it offers too.
     `elastic` tells the same in closed form for a linear law.
 
     thickness in m; layers: number of points, at least 2 for the section to bend. Raises InputError.
@@ -46,6 +46,8 @@ class Section:
             self.recoverable = partial(self._through, law.recoverable)
         if isinstance(law, HasPotential):
             self.potential = partial(self._through, law.potential)
+        if isinstance(law, HasStiffness):
+            self.stiffness = self.elastic(law.stiffness)
         if isinstance(law, HasStiffest):
             self.stiffest = Section(law.stiffest, thickness, layers, quadratic)
         self._scratch: tuple[Array, ...] = (np.empty((0, 3)), np.empty((0, 3)), np.empty((0, 3, 3)))
@@ -84,6 +86,15 @@ class Section:
         _spread(np.ascontiguousarray(strain), self._powers, layer_strain)
         density = energy(layer_strain, state.reshape(n * layers, self.law.initial_state.size))
         return np.asarray(density.reshape(n, layers) @ self._weights)
+
+    def shear_limit(self, least: float) -> float:
+        """What limits the transverse shear of a thin shell, Pa: E/2/(1 + nu) of the larger modulus E, or `least`."""
+        stiffest: object = self.law if isinstance(self.law, HasStiffness) else getattr(self.law, "stiffest", None)
+        if not isinstance(stiffest, HasStiffness):
+            return least
+        C = stiffest.stiffness
+        nu = np.sqrt(C[0, 1] * C[1, 0] / (C[0, 0] * C[1, 1]))
+        return max(least, float(C.diagonal()[:2].max() * (1 - nu) / 2))
 
     def elastic(self, stiffness: Array) -> Array:
         """Stiffness (m, m) of the section for a law of constant stiffness (3, 3): diag(h C, h^3/12 C, ...)."""

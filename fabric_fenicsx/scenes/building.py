@@ -57,7 +57,13 @@ def build(scene: Scene, comm: MPI.Comm = MPI.COMM_WORLD) -> Built:
     law = named.law(scene.law, fabric, scene.poisson, scene.shear_hysteresis)
     G = fabric.shear.modulus[0]
     warp = scene.warp if isinstance(scene.warp, tuple) else yarns.patches(domain, scene.warp)
-    cloth = Sheet(domain, law, fabric.thickness, (G, G), warp, scene.kinematics, scene.element, scene.layers)
+    bending = named.bending(scene.bending, fabric)
+    if bending is not None and comm.rank == 0:
+        for what, why in bending.curves.assumed.items():
+            warnings.warn(f"{fabric.name}: {what} is assumed: {why}", stacklevel=2)
+    cloth = Sheet(
+        domain, law, fabric.thickness, (G, G), warp, scene.kinematics, scene.element, scene.layers, bending=bending
+    )
     bcs, moves = [], []
     for support in scene.supports:
         conditions, move = _hold(cloth, support)

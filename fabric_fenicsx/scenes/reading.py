@@ -20,7 +20,8 @@ Every key, with its default where it has one:
     warp = [1, 0, 0]                            # a direction; or one for each group: { sleeve = [0, 0, 1] }
     kinematics = "shell"                        # membrane
     element = "mitc4"                           # see `directors.ELEMENTS`
-    layers = 3
+    bending = "layers"                          # as the law does at so many heights; "own", the default without layers:
+    layers = 3                                  # as the fabric's [bending] has it, else assumed, which is said
 
     [[support]]                                 # as many as are needed
     at = "corners"                              # a named group of the mesh
@@ -69,6 +70,7 @@ from ..laws.named import DEFAULT, NAMES
 from ..output.frames import LABELS
 from ..output.pictures import VIEW
 from ..shell.directors import ELEMENTS
+from .sheet_reading import Vector, bending, warp
 
 AXES = ("x", "y", "z")
 LOADS = {
@@ -80,7 +82,6 @@ LOADS = {
 }
 """Kind of load -> key of its value, and how many numbers that is."""
 
-type Vector = tuple[float, ...]
 type Course = tuple[tuple[float, float], ...]
 
 
@@ -136,7 +137,8 @@ class Scene:
     warp: Vector | Mapping[str, Vector]
     kinematics: str
     element: str | None
-    layers: int
+    bending: str
+    layers: int | None
     supports: tuple[Support, ...]
     loads: tuple[Load, ...]
     probes: tuple[Probe, ...]
@@ -160,7 +162,7 @@ def read(path: str | Path, *, trust: bool = False) -> Scene:
     file.expect("mesh sheet support", "title load statics dynamics probe output")
     mesh, sheet = file.table("mesh"), file.table("sheet")
     mesh.expect("file", "numbers orient scale merge triangulate")
-    sheet.expect("fabric", "law poisson shear_hysteresis warp kinematics element layers")
+    sheet.expect("fabric", "law poisson shear_hysteresis warp kinematics element bending layers")
     numbers = mesh.table("numbers") if "numbers" in mesh.entries else Table(file.file, "mesh.numbers.", {})
     fabric = sheet.text("fabric")
     dynamic = "dynamics" in file.entries
@@ -200,10 +202,11 @@ def read(path: str | Path, *, trust: bool = False) -> Scene:
         law=sheet.choice("law", NAMES, DEFAULT),
         poisson=sheet.choice("poisson", ("measured", "lowered")),
         shear_hysteresis=sheet.yes("shear_hysteresis", True),
-        warp=_warp(sheet),
+        warp=warp(sheet),
         kinematics=sheet.choice("kinematics", ("shell", "membrane")),
         element=element,
-        layers=sheet.count("layers", 3),
+        bending=bending(sheet),
+        layers=sheet.count("layers", 3) if bending(sheet) == "layers" else None,
         supports=supports,
         loads=tuple(_load(table, dynamic) for table in file.tables("load")),
         probes=probes,
@@ -219,24 +222,6 @@ def read(path: str | Path, *, trust: bool = False) -> Scene:
         view=(view[0], view[1], view[2]),
         animation=output.yes("animation"),
     )
-
-
-def _warp(sheet: Table) -> Vector | dict[str, Vector]:
-    if "warp" not in sheet.entries:
-        return (1.0, 0.0, 0.0)
-    if isinstance(sheet.entries["warp"], dict):
-        groups = sheet.table("warp")
-        if not groups.entries:
-            sheet.refuse("warp", "names no group", "write a direction, or one for each group of cells")
-        return {name: _direction(groups, name) for name in groups.entries}
-    return _direction(sheet, "warp")
-
-
-def _direction(table: Table, key: str) -> Vector:
-    numbers = table.numbers(key, 3)
-    if not any(numbers):
-        table.refuse(key, "is no direction", "write it as [1, 0, 0]")
-    return numbers
 
 
 def _once(tables: list[Table], claims: list[list[tuple[str, str]]], reason: str, key: str = "at") -> None:
