@@ -46,7 +46,13 @@ def square(mesh, args, a, comm):
     fabric = fabrics.load(args.fabric)
     own_law, G = law(args, fabric)
     domain = read(mesh, args.element, comm, side=SIDE, n=args.cells, a=a)
-    cloth = sheet.Sheet(domain, own_law, fabric.thickness, (G, G), element=args.element, layers=args.layers)
+    bending = named.bending(args.bending, fabric)
+    if bending:
+        command.say(f"bending of its own, {bending.curves.describe()}".replace(chr(10), "; "))
+    layers = None if bending else args.layers
+    cloth = sheet.Sheet(
+        domain, own_law, fabric.thickness, (G, G), element=args.element, layers=layers, bending=bending
+    )  # fmt: skip
     return cloth, fabric.density * fabric.thickness
 
 
@@ -66,6 +72,7 @@ def add_arguments(parser, end, rho):
     parser.add_argument("--poisson", choices=["measured", "lowered"], default="measured", help="Poisson's ratios")
     parser.add_argument("--no-shear-hysteresis", action="store_true", help="shear comes back as it went")
     parser.add_argument("--cells", type=command.positive, default=30, help="along a side, even; the thesis has 20")
+    parser.add_argument("--bending", choices=named.BENDING, default="layers", help="own: measured, else assumed")
     parser.add_argument("--layers", type=command.positive, default=3, help="through the thickness")
     parser.add_argument("--step", type=command.number, default=5.0, help="nominal time step, ms")
     parser.add_argument("--end", type=command.number, default=end, help="s")
@@ -102,7 +109,8 @@ def runner(args, cloth, areal_mass, bcs, loads, set_load=lambda t: None):
 def settings(scene, args, **more):
     """What a checkpoint must have been made with."""
     law = f"isotropic {args.isotropic}" if args.isotropic else f"{args.fabric}, {args.law}, {args.poisson}"
-    mesh = f"{args.cells} cells, {args.element}, {args.layers} layers"
+    bends = f"{args.layers} layers" if args.bending == "layers" else "bending of its own"
+    mesh = f"{args.cells} cells, {args.element}, {bends}"
     shear = "no shear hysteresis" if args.no_shear_hysteresis else "shear hysteresis"
     motion = {"method": args.method, "rho": args.rho, "damping": args.damping, "rotary": args.rotary}
     return {"scene": scene, "law": law, "shear": shear, "mesh": mesh, **motion, **more}
