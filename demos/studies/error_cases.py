@@ -21,7 +21,7 @@ from mpi4py import MPI
 
 from fabric_fenicsx import fabrics, specimen
 from fabric_fenicsx.laws import driver, named
-from fabric_fenicsx.solvers import continuation, statics
+from fabric_fenicsx.solvers import marching, statics
 from fabric_fenicsx.surfaces import meshing
 
 STRIP = meshing.MESHES / "strip.geo"
@@ -156,7 +156,7 @@ def go_shear(s, scene):
         case.shell.load.value = value
 
     loads = np.linspace(0, 1, s["steps"] + 1)[1:]
-    for _ in continuation.march(solver, set_load, loads):
+    for _ in marching.march(solver, set_load, loads):
         pass
     return np.array([case.shell.mean("pulled_end", axis) for axis in "xz"])
 

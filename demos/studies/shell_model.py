@@ -15,7 +15,7 @@ from fabric_fenicsx.errors import InputError, StepFailed
 from fabric_fenicsx.laws.svk import StVenantKirchhoff
 from fabric_fenicsx.output import pictures, results
 from fabric_fenicsx.shell import directors
-from fabric_fenicsx.solvers import continuation
+from fabric_fenicsx.solvers import marching
 from fabric_fenicsx.surfaces import meshing
 from fabric_fenicsx.terms import supports, weakform
 
@@ -175,7 +175,7 @@ class Case:
 
         with results.Table(out and out / "history.csv", shell.comm) as table:
             try:
-                for step in continuation.march(solver, set_load, self.loads, smallest=smallest, progress=progress):
+                for step in marching.march(solver, set_load, self.loads, smallest=smallest, progress=progress):
                     values = {name: factor * shell.mean(group, axis)
                               for name, (group, axis, factor) in self.probes.items()}  # fmt: skip
                     wanted = {f"{name}_reference": column[step.number - 1] for name, column in self.reference.items()}
