@@ -220,7 +220,7 @@ def test_a_motion_whose_energies_do_not_balance_is_not_trusted(command, tmp_path
     Deflection in the first 60 ms by steps of 5 ms: 11.2 mm.
     """
     text = MOTION.replace("n = 4, a = 0.25", "n = 6, a = 0.34").replace('"corners"', '"corner_patches"')
-    text = text.replace('"blend"', '"blend"\nlayers = 3')
+    text = text.replace('"blend"', '"blend"\nlayers = 3\nlaw = "continuous"')
     steps = f"end_s = {max(60, step) * 1e-3}\nstep_ms = {step}\ndamping_per_s = 5.0"
     path = scene(tmp_path, text.replace("end_s = 0.02", steps))
     status, said, complaint = command("run", path, "--out", tmp_path / "out", "--quiet")
@@ -251,7 +251,7 @@ def test_a_checkpoint_of_another_scene_is_refused_with_the_difference(command, t
         ('"cloth.toml"', '"cloth.toml"\nshear_hysteresis = false', "shear_hysteresis True and not False"),
         ('"cloth.toml"', '"cloth.toml"\nkinematics = "membrane"', "kinematics shell and not membrane"),
         ('"cloth.toml"', '"cloth.toml"\nlayers = 5', "bending own and not layers; layers None and not 5"),
-        ('"cloth.toml"', '"cloth.toml"\nlaw = "printed"', "law continuous and not printed"),
+        ('"cloth.toml"', '"cloth.toml"\nlaw = "printed"', "law potential and not printed"),
         ('"cloth.toml"', '"denim"', "fabric."),
         ("-9.81]", "-9.80]", "load[1].value (0.0, 0.0, -9.81) and not (0.0, 0.0, -9.8)"),
         ('"hinge"', '"clamp"', "support[1].kind hinge and not clamp"),

@@ -143,7 +143,8 @@ def pieces(mesh: Any) -> tuple[Array, list[Piece]]:
     owned, to_edges = cells.size_local, topology.connectivity(2, 1)
     sides = to_edges.array.reshape(-1, len(to_edges.links(0)))[:owned] if owned else np.empty((0, 0), dtype=np.int32)
     middles = mesh.geometry.x[mesh.geometry.dofmaps[0][:owned]].mean(axis=1)[:, : mesh.geometry.dim]
-    first = cells.local_range[0]
+    x, first = mesh.geometry.x, cells.local_range[0]
+    reach = comm.allreduce(float(np.ptp(x, axis=0).max()) if len(x) else 0.0, MPI.MAX)
     rows = np.repeat(np.arange(first, first + owned), sides.shape[1])
     own = rows, edges.local_to_global(sides.ravel().astype(np.int32)), middles
     gathered = comm.gather(own, 0)
@@ -160,7 +161,7 @@ def pieces(mesh: Any) -> tuple[Array, list[Piece]]:
         centres = np.array([np.bincount(labels, x) / count for x in middles.T]).T
         squares = np.bincount(labels, ((middles - centres[labels]) ** 2).sum(axis=1)) / count
         # of a single cell there is but one middle
-        least = float(np.ptp(mesh.geometry.x, axis=0).max()) / max(1.0, total**0.5)
+        least = reach / max(1.0, total**0.5)
         sizes = np.maximum(np.sqrt(squares), least)
         told = labels, [Piece(k, int(c), centres[k], float(sizes[k])) for k, c in enumerate(count)]
     labels, found = comm.bcast(told, 0)
