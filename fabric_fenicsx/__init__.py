@@ -64,11 +64,11 @@ meant to be copied and changed.
   and twist do not know of each other, creases neither creep nor relax, and stretch does not change bending. With
   `layers`, as in Chapter 7, a sheet bends as its plane law does through the measured thickness: of these fabrics 1 to
   60 times as stiffly as 618 others at the median.
-- **Energy.** The measured law has no potential and its tangent is not symmetric: round a closed loop of strains in two
-  directions it can make energy, much of it where Poisson's ratios are large (duck, muslin). The balance of energies
-  closes all the same; `solvers.energy.Ledger.made` tells what was made. Lowered ratios lessen it.
-  `coupling="reciprocal"` of `laws.woven.Woven` lessens it on loops at a point (`demos/thesis/material_point.py`), but
-  not in every scene.
+- **Biaxial tension.** Uniaxial tests do not tell it. In the default law, `laws.potential`, it rests on one number a yarn
+  family, `transverse`, which a fabric's file gives with its source.
+- **Energy.** The default law makes none. That of Chapter 6 (`continuous`, `printed`) has no potential: round a closed
+  loop of strains in two directions it can make energy, much of it where Poisson's ratios are large (duck, muslin). The
+  balance of energies closes all the same; `solvers.energy.Ledger.made` tells what was made.
 - **Slack cloth** has many wrinkled states. Which one is found depends on mesh, steps and round-off; statics may find
   none; a motion goes through them.
 - **Transverse shear** of cloth is not measured; the sheet takes the first shear modulus of its plane for it.
