@@ -64,8 +64,8 @@ meant to be copied and changed.
   and twist do not know of each other, creases neither creep nor relax, and stretch does not change bending. With
   `layers`, as in Chapter 7, a sheet bends as its plane law does through the measured thickness: of these fabrics 1 to
   60 times as stiffly as 618 others at the median.
-- **Biaxial tension.** Uniaxial tests do not tell it. In the default law, `laws.potential`, it rests on one number a yarn
-  family, `transverse`, which a fabric's file gives with its source.
+- **Biaxial tension.** Uniaxial tests do not tell it. In the default law, `laws.potential`, it rests on one number for
+  each yarn family, `transverse`, which a fabric's file gives with its source.
 - **Energy.** The default law makes none. That of Chapter 6 (`continuous`, `printed`) has no potential: round a closed
   loop of strains in two directions it can make energy, much of it where Poisson's ratios are large (duck, muslin). The
   balance of energies closes all the same; `solvers.energy.Ledger.made` tells what was made.
