@@ -147,8 +147,7 @@ def test_a_case_changes_with_the_code_that_it_uses(cases, tmp_path):
                 wanted += cases._imported(file, (DEMOS / "thesis", DEMOS, package.parent))
     assert {package / "laws" / "kernels.py", package / "fabrics" / "reading.py"} <= set.intersection(*seen.values())
     assert (
-        package / "solvers" / "checkpoint.py" in seen["motion"] - seen["statics"]
-        and package / "terms" / "hook.py" not in seen["points"]
+        DEMOS / "moving.py" in seen["motion"] - seen["statics"] and package / "terms" / "hook.py" not in seen["points"]
     )
     assert package / "app" / "doctor.py" not in set.union(*seen.values())
     case = cases.Case("a", "points.loops", {"trials": 1})

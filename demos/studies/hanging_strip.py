@@ -49,7 +49,7 @@ def scene(args, mode, comm=MPI.COMM_WORLD):
     run.solver.renew()
     probes = {"end_x_m": moving.value_at(strip, 0, "pulled_end")}
     name = f"strip in mode {mode}"
-    settings = f"{name}, {args.cells} cells, {args.element}"
+    settings = {"scene": name, "cells": args.cells, "element": args.element, "rho": args.rho}
     return moving.Scene(name, strip, run, ledger, probes, settings)
 
 

@@ -68,7 +68,7 @@ def scene(args, degrees=90.0, comm=MPI.COMM_WORLD):
         across, up = (moving.value_at(plate, k, "bottom") for k in (0, 2))
         start = np.sin(angle) * SIDE, -np.cos(angle) * SIDE
         probes = {"angle_deg": lambda: np.degrees(np.arctan2(start[0] + across(), -start[1] - up()))}
-    settings = f"{name}, {args.cells} cells, {args.element}"
+    settings = {"scene": name, "cells": args.cells, "element": args.element, "rho": args.rho}
     return moving.Scene(name, plate, run, ledger, probes, settings)
 
 

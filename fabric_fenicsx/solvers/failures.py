@@ -10,6 +10,7 @@ from ..errors import LawFailed, StepFailed
 
 REASONS = {value: name.lower() for name, value in vars(PETSc.SNES.ConvergedReason).items() if isinstance(value, int)}
 """PETSc's number -> its name."""
+SINGULAR = "residual or Jacobian is not finite, or singular"
 
 
 def failed(reason: str, residuals: Sequence[float], where: str) -> StepFailed:
@@ -28,10 +29,12 @@ def blame(comm: MPI.Comm, fault: Exception | None) -> None:
         raise LawFailed(f"A law must not raise, but one did: {faults[0]}.") from fault
 
 
-def solve(ksp: PETSc.KSP, b: PETSc.Vec, x: PETSc.Vec) -> bool:
-    """Solve a linear system; whether there is an answer, on every rank."""
+def solve(ksp: PETSc.KSP, b: PETSc.Vec, x: PETSc.Vec) -> str:
+    """Solve a linear system; why there is no answer, on every rank, or nothing."""
     try:
         ksp.solve(b, x)
     except PETSc.Error:  # what a factorisation meets is the same on every rank
-        return False
-    return bool(ksp.getConvergedReason() >= 0 and np.isfinite(x.norm()))
+        return SINGULAR
+    if ksp.getConvergedReason() == PETSc.KSP.ConvergedReason.DIVERGED_MAX_IT:
+        return "diverged_linear_solve"
+    return "" if ksp.getConvergedReason() >= 0 and np.isfinite(x.norm()) else SINGULAR

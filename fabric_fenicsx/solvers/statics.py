@@ -16,7 +16,7 @@ from ..terms.hook import forget_traversals
 from ..terms.term import Residual, Term
 from . import linear
 from .continuation import Step as Step
-from .failures import REASONS, blame, failed, solve
+from .failures import REASONS, SINGULAR, blame, failed, solve
 from .linear import weak
 from .marching import march as march
 from .reactions import Reactions
@@ -185,9 +185,9 @@ class StaticSolver(Reactions):
             b = self.residual(self._x)
             self.residuals.append(b.norm())
             correction = b.duplicate()
-            solved = np.isfinite(self.residuals[-1]) and solve(self.prepared(b), b, correction)
-            if not (solved and self._sound):
-                raise self.failure("residual or Jacobian is not finite, or singular")
+            fault = solve(self.prepared(b), b, correction) if np.isfinite(self.residuals[-1]) else SINGULAR
+            if fault or not self._sound:
+                raise self.failure(fault or SINGULAR)
             self._x.axpy(-1.0, correction)
         # not only nearly: their columns may be out of the linear systems
         self._x.array_w[self._given] = self._targets[self._given]

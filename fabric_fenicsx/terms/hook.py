@@ -82,7 +82,7 @@ class LawHook:
             )
         tangents = [op.ref_coefficient for op in found]
         if not self._copies:
-            self.points.tangent = tangents[0].x.array.reshape(*self.points.strain.shape, -1)
+            self.points.tangent = tangents[0].x.array.reshape(*self.points.strain.shape, self.points.strain.shape[-1])
         self._copies += tangents
 
     @cached_property

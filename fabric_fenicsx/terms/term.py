@@ -13,7 +13,7 @@ from ufl.form import Form
 from ..laws import Array
 
 type Indices = np.ndarray
-type Residual = Form | "Term" | int | Sequence[Form | "Term"]
+type Residual = Form | Term | int | Sequence[Form | Term]
 """What a solver takes: a UFL form, a term, or a list of both; 0 for nothing."""
 
 NOWHERE: tuple[Indices, Indices] = (np.empty(0, dtype=np.int32), np.empty(0, dtype=np.int32))
