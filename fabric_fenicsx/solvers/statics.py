@@ -60,7 +60,7 @@ class StaticSolver(Reactions):
         self.comm = u.function_space.mesh.comm
         self._y = u if space is None else fem.Function(space.W)  # what is solved for: u, or (u, angles) of a shell
         self._accepted = self._y.x.array.copy()
-        self.scale = self._size = self._push = 0.0
+        self.scale = self._size = self._push = self._correction = 0.0
         self._met, self._pushed, self._sound = True, False, True  # sound: the last Jacobian was finite
         self._nothing = 1e-14 * self.comm.allreduce(np.abs(u.function_space.mesh.geometry.x).max(initial=0.0), MPI.MAX)
         self._fault: Exception | None = None
@@ -138,8 +138,7 @@ class StaticSolver(Reactions):
         self._met = self.comm.allreduce(bool(met), MPI.LAND)
 
     def _jacobian(self, snes: PETSc.SNES, x: PETSc.Vec, A: PETSc.Mat, P: PETSc.Mat) -> None:
-        # in SNES given values are met: there is no right-hand side to correct
-        self._assemble_tangent()
+        self._assemble_tangent()  # in SNES given values are met: there is no right-hand side to correct
 
     def _assemble_tangent(self, *right: PETSc.Vec) -> None:
         if self.tangent.follow():
@@ -170,9 +169,8 @@ class StaticSolver(Reactions):
 
     def _shorten(self, x: PETSc.Vec, correction: PETSc.Vec) -> None:
         """Before a line search, which then stays within what the terms allow; PETSc subtracts corrections."""
-        longest = self.longest_step(-correction)
-        if longest < 1.0:
-            correction.scale(longest)
+        longest, self._correction = self.longest_step(-correction), correction.norm()
+        correction.scale(longest)
 
     def _move_supports(self) -> int:
         """Meet the given values by one linear step of the whole sheet, if they are not met; 1 if it was needed.
@@ -234,6 +232,7 @@ class StaticSolver(Reactions):
         """SNES's test, with the norms of unknowns, last correction and residual."""
         size, correction, residual = norms
         self.residuals.append(residual)
+        correction = max(correction, self._correction if snes else 0.0)  # not what a term has left of it
         # given displacements are in the norm in m, where a small one would pass for a small force
         if iteration == 0 and self._pushed:  # nothing else tells the size of forces on a sheet without reactions
             self._push, self._pushed = self._size, False
@@ -260,7 +259,8 @@ class StaticSolver(Reactions):
         self.linear_iterations += self.snes.getLinearSolveIterations()
         self._take(self._x)
         reason = self.snes.getConvergedReason()
-        if reason > 0:
+        still = self._met and self._correction <= self._nothing  # where forces are round-off, no line is worth a search
+        if reason > 0 or (still and reason == PETSc.SNES.ConvergedReason.DIVERGED_LINE_SEARCH):
             return moved + self.snes.getIterationNumber()
         if reason == PETSc.SNES.ConvergedReason.DIVERGED_FUNCTION_NANORINF:
             self.residuals.append(np.nan)  # PETSc has not asked `converged` about this one

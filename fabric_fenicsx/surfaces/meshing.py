@@ -76,6 +76,7 @@ def read(
     merge: float | None = None,
     triangulate: bool = False,
     trust: bool = False,
+    ghosts: bool = False,
     numbers: Mapping[str, float] | None = None,
     **more: float,
 ) -> Domain:
@@ -89,6 +90,7 @@ def read(
             to 1e-7 of its extent.
         triangulate: Cut all cells into triangles, where there are quadrilaterals among them, or others.
         trust: Whether a `.geo` may run programs and write files.
+        ghosts: Each rank knows the cells beyond its borders too, as terms on edges between cells (dS) need it.
         numbers: Of a `.geo`, which is meshed with them; those whose names are no arguments here may be given as such.
 
     Quadratic cells stay quadratic. The surface is checked as by `check_surface`.
@@ -115,7 +117,7 @@ def read(
             return prepare(raw)
         return _by_gmsh(lambda: gmsh_models.opened(path, numbers, trust), path, suffix in gmsh_models.SUFFIXES, prepare)
 
-    return _distribute(_on_root(comm, make), comm, gdim)
+    return _distribute(_on_root(comm, make), comm, gdim, ghosts)
 
 
 def from_gmsh(
@@ -127,6 +129,7 @@ def from_gmsh(
     scale: float = 1.0,
     merge: float | None = None,
     triangulate: bool = False,
+    ghosts: bool = False,
 ) -> Domain:
     """The mesh that `build()` leaves in the current gmsh model; it runs on rank 0 only.
 
@@ -134,7 +137,7 @@ def from_gmsh(
     it is not so, if the surface is none for a shell, or if `build` raised anything.
     """
     prepare = partial(preparing.prepare, gdim=gdim, orient=orient, scale=scale, merge=merge, triangulate=triangulate)
-    return _distribute(_on_root(comm, lambda: _by_gmsh(build, Path(), False, prepare)), comm, gdim)
+    return _distribute(_on_root(comm, lambda: _by_gmsh(build, Path(), False, prepare)), comm, gdim, ghosts)
 
 
 def _by_gmsh(
@@ -175,7 +178,7 @@ def _on_root[T](comm: MPI.Comm, make: Callable[[], T]) -> T | None:
     return result
 
 
-def _distribute(sheet: preparing.Sheet | None, comm: MPI.Comm, gdim: int) -> Domain:
+def _distribute(sheet: preparing.Sheet | None, comm: MPI.Comm, gdim: int, ghosts: bool) -> Domain:
     """The mesh of a surface that rank 0 has."""
     about = sheet and (sheet.kind, sheet.cells.shape[1], {dim: own[0].shape[1] for dim, own in sheet.tagged.items()},
                        sheet.names, sheet.refused, sheet.node_sets, sheet.pieces)  # fmt: skip
@@ -185,7 +188,8 @@ def _distribute(sheet: preparing.Sheet | None, comm: MPI.Comm, gdim: int) -> Dom
     if sheet is not None:
         points, cells, tagged = sheet.points[:, :gdim], sheet.cells, sheet.tagged
     element = basix.ufl.element("P", kind, checking.DEGREE[width], shape=(gdim,))
-    domain = dmesh.create_mesh(comm, cells, element, points)
+    mode = dmesh.GhostMode.shared_facet if ghosts else dmesh.GhostMode.none
+    domain = dmesh.create_mesh(comm, cells, element, points, dmesh.create_cell_partitioner(mode, 2))
     tags = {}
     for dim, (entities, values) in tagged.items():
         domain.topology.create_entities(dim)

@@ -4,10 +4,11 @@ from typing import Any
 
 import numpy as np
 import ufl
-from dolfinx import fem, la
+from dolfinx import fem, la, mesh
 from ufl.algorithms import expand_derivatives
 from ufl.form import Form
 
+from ..errors import InputError
 from ..laws import Array
 from .hook import derive, plain
 from .term import NOWHERE, Indices, Residual, Term
@@ -42,6 +43,7 @@ class FormTerm(Term):
     ) -> None:
         self.form, self.q, self._rate, self._energy_form, self._declared = form, q, rate, energy, symmetric
         residual, self.hooks = plain(form)
+        _look_across(residual, q.function_space.mesh)
         self.residual = fem.form(residual)
         inputs = [*residual.constants(), *residual.coefficients()]
         moving: set[Any] = {q, *(hook.stress.ref_coefficient for hook in self.hooks)}
@@ -180,6 +182,15 @@ class FormTerm(Term):
         return max((hook.points.worst() for hook in self.hooks), default=(0.0, ""))
 
 
+def from_energy(energy: Form, q: fem.Function) -> FormTerm:
+    """What resists with the derivative of an energy in J (a number) by the unknown, on any measure.
+
+    A spring of the stiffness k in N/m3 under a sheet: `from_energy(k / 2 * u[2] ** 2 * dx, q)`.
+    """
+    force = ufl.derivative(energy, q, ufl.TestFunction(q.function_space))
+    return FormTerm(expand_derivatives(force), q, energy=energy, symmetric=True)
+
+
 def terms_of(residual: Residual, q: fem.Function, rate: Rate | None = None) -> list[Term]:
     """The terms of a residual. In a motion, parts of a form with a law, with a velocity and without are told apart.
 
@@ -203,6 +214,19 @@ def _split(form: Form, rate: Rate | None) -> list[Form]:
         kind = bool(plain(alone)[1]), rate[0] in alone.coefficients()
         kinds.setdefault(kind, []).append(integral)
     return [Form(integrals) for integrals in kinds.values()]
+
+
+def _look_across(residual: Form, domain: mesh.Mesh) -> None:
+    """Raise InputError, on every rank, for a form on edges of which a rank knows one side only: it would miss them."""
+    if domain.comm.size == 1 or not any(part.integral_type() == "interior_facet" for part in residual.integrals()):
+        return
+    domain.topology.create_connectivity(1, 2)
+    sides = np.diff(domain.topology.connectivity(1, 2).offsets)
+    if domain.comm.allreduce(bool((sides[domain.topology.interprocess_facets()] == 1).any())):
+        raise InputError(
+            "A term on edges between cells (dS) needs the cells beyond the borders of each rank: read the mesh with "
+            "ghosts=True."
+        )
 
 
 def _is_symmetric(jacobian: Form) -> bool:

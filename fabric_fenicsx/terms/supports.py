@@ -41,6 +41,22 @@ def over(domain: Domain, name: str, degree: int, dim: int | None = None) -> ufl.
     )
 
 
+def interior(domain: Domain, name: str, degree: int) -> ufl.Measure:
+    """Measure over a group of edges between cells (dS), where what belongs to a cell has two sides, ("+") and ("-").
+
+    Raises InputError, on every rank, if an edge of the group is on the rim.
+    """
+    _, entities = domain.entities(name, 1)
+    topology = domain.mesh.topology
+    topology.create_connectivity(1, 2)
+    if domain.mesh.comm.allreduce(np.isin(entities, mesh.exterior_facet_indices(topology)).any()):
+        raise InputError(f"The group {name!r} has edges on the rim of the sheet; take edges between cells.")
+    marked, ids = domain.tags[1], domain.names[name][1]
+    return ufl.Measure(
+        "dS", domain.mesh, subdomain_data=marked, subdomain_id=ids, metadata={"quadrature_degree": degree}
+    )
+
+
 def unknowns(domain: Domain, space: Space, name: str, component: int | None = None) -> np.ndarray:
     """Local unknowns of one component of the displacement at a group, or all that the group has, directors too."""
     if component is not None:

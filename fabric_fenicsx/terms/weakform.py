@@ -70,6 +70,14 @@ def stiffness_damping(
     return b * ufl.inner(ufl.dot(C, rate), ufl.derivative(strain, u, v)) * dx
 
 
+def drag(c: Expr | float, velocity: Expr, v: Expr, dx: ufl.Measure) -> Form:
+    """Virtual work of what resists a velocity, c times it per area, as air does a slow sheet; c in N s/m3.
+
+    One more term of the loads of a moving sheet: `weight - drag(c, cloth.velocity, cloth.v, cloth.dx)`.
+    """
+    return c * ufl.inner(velocity, v) * dx
+
+
 def body_force(force: Expr, v: Expr, thickness: Expr | float, dx: ufl.Measure) -> Form:
     """Virtual work of a dead force per reference volume, in N/m3, on the displacement v; subtract it."""
     return thickness * ufl.inner(force, v) * dx
