@@ -23,10 +23,11 @@ Rooms, in the order in which a scene goes through them, and their names; each ro
 - `shell.assumed_strain`: strains that do not lock: `shell_strains`
 - `sheet`: all of that put together, ready to be held and loaded, and its solvers: `Sheet`
 - `specimen`: the strip of a tensile test: `strip`
-- `terms.supports`: how it is held: `clamp`, `grip`, `symmetry`, `lead` and others; `over`, `unknowns`, `places`, `mean`
+- `terms.supports`: how it is held: `clamp`, `grip`, `symmetry`, `lead` and others; `over`, `interior`, `unknowns`,
+  `places`, `mean`
 - `terms.weakform`: terms of a weak form: `internal`, `gravity`, `pressure`, `traction`, `point_force` and others
 - `terms.hook`: a law as an operand of UFL forms: `LawHook`
-- `terms.term`: what a residual is a sum of: `Term`; `terms.form`: a UFL form as one: `FormTerm`
+- `terms.term`: what a residual is a sum of: `Term`; `terms.form`: a UFL form as one: `FormTerm`, `from_energy`
 - `terms.work`: a shell's work without a form: `InternalWork`; `terms.points`: a law at points: `LawPoints`
 - `solvers.statics`: equilibrium: `StaticSolver`, `march`; `solvers.marching`: kept by checkpoints: `March`
 - `solvers.continuation`: loads that must fall: `arc_length`
@@ -48,8 +49,8 @@ the directors, `terms.kernels` the stiffness, `solvers.tangent` the matrix, `sol
 `solvers.stable_step` the motions, `solvers.held` statics, `solvers.reactions` and `solvers.failures` all of them,
 `entries` the TOML files, `compiling` the forms that are compiled once and kept, `app.doctor` the command.
 
-The five demos `my_fabric`, `my_mesh`, `my_load`, `my_law` and `my_term` are short, each ends in an exact check, and are
-meant to be copied and changed.
+The six demos `my_fabric`, `my_mesh`, `my_load`, `my_law`, `my_term` and `my_seam` are short, each ends in an exact
+check, and are meant to be copied and changed.
 
 # What it cannot do
 

@@ -14,6 +14,7 @@ MINE = {
     "my_load": ["deformed.png"],
     "my_law": ["deformed.png"],
     "my_term": ["deformed.png"],
+    "my_seam": ["deformed.png"],
 }
 
 
