@@ -1,12 +1,10 @@
 """What the demos in motion share: arguments, and a run that leaves its history, fields, pictures and energies."""
 
 import argparse
-import contextlib
 import resource
 import time
 from dataclasses import dataclass
 from functools import partial
-from pathlib import Path
 
 import numpy as np
 
@@ -15,10 +13,11 @@ from fabric_fenicsx.app import command
 from fabric_fenicsx.errors import InputError
 from fabric_fenicsx.laws import named
 from fabric_fenicsx.laws.svk import StVenantKirchhoff
-from fabric_fenicsx.output import pictures, results
-from fabric_fenicsx.output.frames import LABELS, Frames, Series, coloured
+from fabric_fenicsx.output import results
+from fabric_fenicsx.output.recording import Recorder
+from fabric_fenicsx.output.series import LABELS, coloured
 from fabric_fenicsx.shell import directors
-from fabric_fenicsx.solvers import checkpoint, linear
+from fabric_fenicsx.solvers import linear
 from fabric_fenicsx.surfaces import meshing
 from fabric_fenicsx.terms import supports
 
@@ -81,7 +80,9 @@ def add_arguments(parser, end, rho):
     parser.add_argument("--rotary", choices=sheet.ROTARY, default="cell", help="inertia of directors")
     parser.add_argument("--lumped", action="store_true", help="lumped mass, as explicit motion has it")
     parser.add_argument("--solver", choices=SOLVERS, default="direct", help="of linear systems")
-    parser.add_argument("--resume", type=Path, help="go on from this checkpoint")
+    parser.add_argument(
+        "--resume", nargs="?", const=True, metavar="FILE", help="go on from this checkpoint, or from the last in --out"
+    )
     add_common(parser, rho, 1e-4)
 
 
@@ -90,7 +91,7 @@ def add_common(parser, rho, rtol):
     parser.add_argument("--element", choices=directors.ELEMENTS, default="mitc4")
     parser.add_argument("--rho", type=command.number, default=rho, help="left of the fastest oscillation after a step")
     parser.add_argument("--rtol", type=command.number, default=rtol, help="of Newton's method")
-    parser.add_argument("--animation", action="store_true", help="a gif of 50 frames; for 'fabric-fenicsx view' too")
+    parser.add_argument("--animation", action="store_true", help="a gif of 50 frames")
 
 
 def runner(args, cloth, areal_mass, bcs, loads, set_load=lambda t: None):
@@ -128,61 +129,46 @@ class Scene:
     settings: dict
 
 
-def play(scene, args, out, progress, watch=None):
+def play(scene, args, out, progress, watch=None, every=1):
     """Run to the end: the table. What fails, or is interrupted, leaves a checkpoint in the folder.
 
     `watch(row, *shown)` is called at the start and after every step, with the row of the table (at the start its time
-    alone), and the sheet as `pictures.picture` wants it.
+    alone), and the sheet as `pictures.picture` wants it. every: so manieth step has fields.
     """
     sheet, run = scene.sheet, scene.run
-    comm = run.comm
-    frames = args.animation and Frames(out / "frames", scene.name, "t = {:.3f} s", comm=comm)
-    if args.resume:
-        checkpoint.load(args.resume, run, scene.settings)
-        command.say(f"gone on from t = {run.time:g} s")
+
+    def probes(step):
+        return {"time_s": step.load} | {name: probe() for name, probe in scene.probes.items()}
 
     def shown():
         return sheet.displacement(), coloured(sheet.cell_strain(), "yarn"), LABELS["yarn"]
 
-    state, taken, solved = out / "checkpoint.npz", run.ts.getStepNumber(), run.linear_iterations
-    with (
-        contextlib.closing(results.Fields(out / "fields.bp", sheet.displacement(), ("value",))) as fields,
-        results.Table(out / "history.csv", comm) as table,
-        checkpoint.guard(state, run, scene.settings),
-    ):
+    record = Recorder(
+        sheet, out, probes, title=scene.name, run=run, marks=scene.settings, resume=args.resume, film=args.animation,
+        every=every,
+    )  # fmt: skip
+    if args.resume:
+        command.say(f"gone on from t = {run.time:g} s")
+    taken, solved = run.ts.getStepNumber(), run.linear_iterations
+    with record:
         if watch:
             watch({"time_s": run.time}, *shown())
         clock = time.process_time()
         for step in run.march(args.end, args.step * 1e-3, progress=progress and scene.name):
-            cpu = time.process_time() - clock
-            table.row(
-                time_s=step.load,
-                **{name: probe() for name, probe in scene.probes.items()},
-                newton_iterations=step.newton_iterations,
+            row = record(
+                step,
                 linear_iterations=run.linear_iterations - solved,
-                step_cuts=step.step_cuts,
                 steps_taken=run.ts.getStepNumber() - taken,
-                **scene.ledger.row(),
-                wall_s=step.wall_s,
-                cpu_s=cpu,
+                cpu_s=time.process_time() - clock,
                 unknowns=sheet.q.function_space.dofmap.index_map.size_global,
-                memory_MB=comm.allreduce(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss) / 1024,
+                memory_MB=run.comm.allreduce(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss) / 1024,
             )
             taken, solved = run.ts.getStepNumber(), run.linear_iterations
-            now = shown()
-            fields.write(step.load, value=now[1])
             if watch:
-                watch(table.rows[-1], *now)
-            if frames:
-                frames.add(step.load, now[0], sheet.cell_strain()[:, :3], sheet.yarns())
+                watch(row, *shown())
             clock = time.process_time()
-    if comm.rank == 0:
-        plot(out / "energy.png", table, scene)
-    title = f"{scene.name}, t = {run.time:.4g} s"
-    pictures.picture(out / "deformed.png", *shown(), title, yarns=sheet.yarns())
-    if frames and comm.rank == 0:
-        Series(out / "frames").animation(out / "animation.gif")
-    return table
+    results.on_root(run.comm, lambda: plot(out / "energy.png", record.table, scene))
+    return record.table
 
 
 def plot(path, table, scene):
@@ -203,7 +189,7 @@ def plot(path, table, scene):
     quantity, unit = name.rsplit("_", 1)
     plots.label(right, "", "time (s)", f"{quantity.replace('_', ' ')} ({unit})")
     plots.legend(figure, 6)
-    figure.savefig(path, dpi=150)
+    plots.save(figure, path)
 
 
 def summary(table, run):

@@ -48,11 +48,7 @@ def probe(cloth, place):
     count = mesh.comm.allreduce(int(inside.sum()))
 
     def values():
-        strain = cloth.cell_strain()[:owned][inside][:, :2]
-        if cloth.points:
-            stress = cloth.points[0].stress[:owned][inside].mean(axis=1)[:, :2] / cloth.thickness
-        else:
-            stress = strain @ cloth.law.stiffness[:2, :2].T
+        strain, stress = (cells[:owned][inside][:, :2] for cells in (cloth.cell_strain(), cloth.cell_stress()))
         total = np.concatenate([strain, stress / 1e6], axis=1).sum(axis=0)
         return mesh.comm.allreduce(total) / max(count, 1)
 
@@ -88,7 +84,7 @@ def plot(path, table, fabric):
         axes.plot(smooth, fitted, label="uniaxial stress, fitted", **plots.FITTED)
         plots.label(axes, name.replace("_", " "), f"{yarn} strain E{k}{k} (-)", f"{yarn} stress S{k}{k} (MPa)")
     plots.legend(figure)
-    figure.savefig(path, dpi=150)
+    plots.save(figure, path)
 
 
 def arguments():
@@ -105,8 +101,8 @@ def main():
     played = scene(args)
     command.say(f"{played.name}: {played.sheet.q.function_space.dofmap.index_map.size_global} unknowns")
     table = moving.play(played, args, out, progress=True)
-    if MPI.COMM_WORLD.rank == 0:
-        plot(out / "stress_strain.png", table, fabrics.load(args.fabric))
+    fabric = fabrics.load(args.fabric)
+    results.on_root(played.run.comm, lambda: plot(out / "stress_strain.png", table, fabric))
     imbalance = moving.summary(table, played.run)
     last, peak = table.rows[-1], table.column("element_207_E11").max()
     command.say(f"element 207: warp strain {peak:.4f} at most, {last['element_207_E11']:.4f} at the end")

@@ -23,7 +23,8 @@ from fabric_fenicsx.app import command
 from fabric_fenicsx.errors import InputError
 from fabric_fenicsx.laws.potential import Potential
 from fabric_fenicsx.output import pictures, results
-from fabric_fenicsx.solvers import checkpoint
+from fabric_fenicsx.output.recording import Recorder
+from fabric_fenicsx.output.series import LABELS
 from fabric_fenicsx.surfaces import meshing
 from fabric_fenicsx.terms import supports
 
@@ -88,26 +89,23 @@ def main():
     run, ledger = cloth.newmark(
         fabric.density * fabric.thickness, held, rho=args.rho, damping=args.damping, set_load=set_time
     )
-    ends = [[supports.unknowns(domain, cloth.space, end, k) for k in range(3)] for end in ("shoulder", "wrist")]
-    fields = results.Fields(out / "fields.bp", cloth.displacement(), ("warp_strain",))
-    with results.Table(out / "history.csv") as table, checkpoint.guard(out / "checkpoint.npz", run):
+    wrist_forces = {
+        f"wrist_{axis}_N": supports.unknowns(domain, cloth.space, "wrist", k) for k, axis in enumerate("xyz")
+    }
+
+    def probes(step):
+        forces = {name: run.solver.reaction(unknowns) for name, unknowns in wrist_forces.items()}
+        fold = depth(cloth.displacement(), part(step.load) * bend)
+        return {"time_s": step.load, **forces, "fold_mm": 1e3 * fold}
+
+    title = f"{fabric.name}, to be bent {args.bend:g}°, twisted {args.twist:g}°"
+    with Recorder(cloth, out, probes, title=title, colour="warp", view=(-1.0, -1.6, 2.0), run=run) as record:
         for step in run.march(args.end, args.step * 1e-3, progress="sleeve"):
-            table.row(
-                time_s=step.load,
-                **{f"wrist_{axis}_N": run.solver.reaction(ends[1][k]) for k, axis in enumerate("xyz")},
-                fold_mm=1e3 * depth(cloth.displacement(), part(step.load) * bend),
-                newton_iterations=step.newton_iterations,
-                step_cuts=step.step_cuts,
-                **ledger.row(),
-                wall_s=step.wall_s,
-            )
-            strain = cloth.cell_strain()[:, 0]
-            fields.write(step.load, warp_strain=strain)
-    fields.close()
-    title = f"{fabric.name}, bent {args.bend:g}°, twisted {args.twist:g}°"
-    u, yarns = cloth.displacement(), cloth.yarns()
-    for name, view in (("deformed", (-1.0, -1.6, 2.0)), ("inner_side", (0.2, -0.9, 1.6))):
-        pictures.picture(out / f"{name}.png", u, strain, "warp strain E11 (-)", title, view, yarns=yarns)
+            record(step)
+    strain, inside, table = cloth.cell_strain()[:, 0], (0.2, -0.9, 1.6), record.table
+    pictures.picture(
+        out / "inner_side.png", cloth.displacement(), strain, LABELS["warp"], title, inside, yarns=cloth.yarns()
+    )
 
     t, last = ledger.totals, table.rows[-1]
     seconds, iterations, cuts = (table.column(name).sum() for name in ("wall_s", "newton_iterations", "step_cuts"))

@@ -24,6 +24,7 @@ from fabric_fenicsx.app import command
 from fabric_fenicsx.errors import StepFailed
 from fabric_fenicsx.laws.svk import StVenantKirchhoff
 from fabric_fenicsx.output import pictures, results
+from fabric_fenicsx.output.recording import Recorder
 from fabric_fenicsx.shell import directors
 from fabric_fenicsx.solvers import continuation
 from fabric_fenicsx.surfaces import meshing
@@ -54,7 +55,7 @@ class Roof:
         )  # fmt: skip
         G = E / 2 / (1 + NU)
         law = StVenantKirchhoff.isotropic(E, NU)
-        shell = sheet.Sheet(domain, law, thickness, (G, G), (0, 1, 0), element=element)
+        self.sheet = shell = sheet.Sheet(domain, law, thickness, (G, G), (0, 1, 0), element=element)
         self.space, self.q = shell.space, shell.q
         self._load = fem.Constant(domain.mesh, (0.0, 0.0, 0.0))
         load = wf.point_force(self._load, shell.v, supports.over(domain, "A", degree=1))
@@ -88,25 +89,24 @@ class Roof:
 
 def run(roof, first, out=None, longest=4e-4, steps=500):
     """Follow the path until the load is beyond the table; its table, and what stopped it (None, or a sentence)."""
-    with results.Table(out and out / "history.csv", roof.solver.comm) as table:
+
+    def probes(step):
+        state = {"load_N": step.load, "deflection_mm": 1e3 * roof.deflection(), "support_N": roof.support()}
+        return {"step": step.number} | state
+
+    with Recorder(
+        roof.sheet, out, probes, title="hinged roof", when=lambda s: f"{s.load:.0f} N", picture=None
+    ) as record:
         try:
             for step in continuation.arc_length(roof.solver, roof.put, first, longest=longest):
-                table.row(
-                    step=step.number,
-                    load_N=step.load,
-                    deflection_mm=1e3 * roof.deflection(),
-                    support_N=roof.support(),
-                    newton_iterations=step.newton_iterations,
-                    step_cuts=step.step_cuts,
-                    wall_s=step.wall_s,
-                )
+                record(step)
                 if step.load >= HIGHEST or step.number == steps:
                     break
         except StepFailed as error:
-            return table, str(error)
-        if out:
-            roof.picture(out / "deformed.png", f"snapped through, {step.load:.0f} N")
-    return table, None if step.load >= HIGHEST else f"{steps} steps were not enough"
+            return record.table, str(error)
+    if out:
+        roof.picture(out / "deformed.png", f"snapped through, {step.load:.0f} N")
+    return record.table, None if step.load >= HIGHEST else f"{steps} steps were not enough"
 
 
 def limit(load):
@@ -144,7 +144,7 @@ def plot(path, runs):
     axes.axhline(0.0, color="black", lw=0.8)
     plots.label(axes, "Hinged roof under a load at its middle", "deflection under the load (mm)", "load (N)")
     plots.legend(figure, 2)
-    figure.savefig(path, dpi=150)
+    plots.save(figure, path)
 
 
 def thicknesses(text):
@@ -190,8 +190,7 @@ def main():
             command.say(stopped)
         right = right and not stopped and balanced and abs(error) <= 0.01 and distance <= 0.01
         runs.append((thickness, rows))
-        if comm.rank == 0:
-            plot(out / "load_deflection.png", runs)
+        results.on_root(comm, lambda: plot(out / "load_deflection.png", runs))
     verdict = "yes" if right else "NO"
     command.say(f"check: limit loads and paths within 1 % of the published ones, in balance: {verdict}; see {out}")
     return 0 if right else 1

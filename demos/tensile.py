@@ -23,6 +23,8 @@ from fabric_fenicsx.app import command
 from fabric_fenicsx.errors import InputError, StepFailed
 from fabric_fenicsx.laws import named
 from fabric_fenicsx.output import pictures, results
+from fabric_fenicsx.output.recording import Recorder
+from fabric_fenicsx.output.showing import Plain
 from fabric_fenicsx.solvers import statics
 from fabric_fenicsx.surfaces import meshing, yarns
 
@@ -95,28 +97,31 @@ def strip(case, comm=MPI.COMM_WORLD):
     return specimen.strip(domain, case.fabric, law, angle, case.ends, case.degree, case.kinematics, case.imperfection)
 
 
-def displacement(case, u):
-    """The displacement as a Function of its own, to write and to draw, and what brings it up to date."""
-    if case.kinematics != "shell":
-        return u, lambda: None
-    space, dofs = u.function_space.sub(0).collapse()
-    shown = fem.Function(space)
-
-    def refresh():
-        shown.x.array[:] = u.x.array[dofs]
-
-    return shown, refresh
-
-
-def picture(path, case, u, points, title, **more):
-    """Draw a strip, coloured by its strain along the load; more: of `pictures.picture`."""
+def sheet(case, u, points):
+    """The strip as it is recorded and drawn: its displacement, its law and its yarns."""
     mesh, angle = u.function_space.mesh, np.radians(case.angle)
+    moved, dofs = u, None
+    if case.kinematics == "shell":
+        space, dofs = u.function_space.sub(0).collapse()
+        moved = fem.Function(space)
     if case.kinematics == "plane":
         axes = yarns.plane_axes(mesh, angle)
     else:
         axes = yarns.surface_axes(mesh, (np.cos(angle), np.sin(angle), 0.0), 1)
-    strain = axial_strain(case, points)
-    pictures.picture(path, u, strain, "axial strain (-)", title, yarns=yarns.Yarns(mesh, u, axes)(), **more)
+
+    def displacement():
+        if dofs is not None:
+            moved.x.array[:] = u.x.array[dofs]
+        return moved
+
+    thickness = case.fabric.thickness if case.kinematics == "shell" else 1.0
+    return Plain(displacement, points, yarns.Yarns(mesh, moved, axes), thickness)
+
+
+def picture(path, case, strip, title, **more):
+    """Draw a strip, coloured by its strain along the load; more: of `pictures.picture`."""
+    strain, u = axial_strain(case, strip.points), strip.displacement()
+    pictures.picture(path, u, strain, "axial strain (-)", title, yarns=strip.yarns(), **more)
 
 
 def gentle(case, comm):
@@ -154,45 +159,38 @@ def run(case, out=None, comm=MPI.COMM_WORLD, progress=None, watch=None, scene=No
     across = results.Average(across[1] + ufl.dot(across, across) / 2, middle, dx, comm)
 
     path, peak = gentle(case, comm) if case.imperfection and case.whole else case.path()
-    shown, refresh = displacement(case, u)
-    stopped = None
-    with results.Table(out and out / "history.csv", comm) as table:
-        fields = results.Fields(out / "fields.bp", shown, ("axial_strain",)) if out else None
+    shown, stopped = sheet(case, u, fabric), None
+
+    def probes(step):
+        force, d = solver.reaction(pulled), step.load / length
+        return {
+            "step": step.number,
+            "displacement_mm": step.load * 1e3,
+            "force_N": force,
+            "axial_strain": d + d * d / 2,
+            "axial_stress_MPa": force / area / (1 + d) / 1e6,
+            "transverse_strain": across.value(),
+            "imbalance_N": force + solver.reaction(fixed),
+        }
+
+    title = f"{case.fabric.name}, warp at {case.angle:g} degrees"
+    with Recorder(
+        shown, out, probes, title=title, when=lambda step: f"{step.load * 1e3:.4g} mm", picture=None
+    ) as record:
         try:
             for step in statics.march(solver, pull, path, progress=progress):
-                force = solver.reaction(pulled)
-                d = step.load / length
-                table.row(
-                    step=step.number,
-                    displacement_mm=step.load * 1e3,
-                    force_N=force,
-                    axial_strain=d + d * d / 2,
-                    axial_stress_MPa=force / area / (1 + d) / 1e6,
-                    transverse_strain=across.value(),
-                    newton_iterations=step.newton_iterations,
-                    step_cuts=step.step_cuts,
-                    imbalance_N=force + solver.reaction(fixed),
-                    wall_s=step.wall_s,
-                )
-                refresh()
-                if fields:
-                    fields.write(step.number, axial_strain=axial_strain(case, fabric))
-                    if step.number == peak:
-                        title = f"{case.fabric.name}, warp at {case.angle:g} degrees, {step.load * 1e3:g} mm"
-                        picture(out / "deformed.png", case, shown, fabric, title)
-                if (watch and watch(step, fabric)) or (step.number > peak and force <= 0.0 and not case.whole):
+                row = record(step)
+                if out and step.number == peak:
+                    picture(out / "deformed.png", case, shown, f"{title}, {step.load * 1e3:g} mm")
+                if (watch and watch(step, fabric)) or (step.number > peak and row["force_N"] <= 0.0 and not case.whole):
                     break
         except StepFailed as error:
             stopped = str(error)
-        if fields:
-            fields.close()
-            if case.kinematics == "shell":
-                height = comm.allreduce(np.abs(shown.x.array[2::3]).max(initial=0.0), MPI.MAX)
-                command.say(f"  out of its plane by {height * 1e3:.3g} mm at the end")
-                refresh()
-                title = f"{case.fabric.name}, after unloading"
-                picture(out / "unloaded.png", case, shown, fabric, title)
-    return table, peak, stopped
+    if out and case.kinematics == "shell":
+        height = comm.allreduce(np.abs(shown.displacement().x.array[2::3]).max(initial=0.0), MPI.MAX)
+        command.say(f"  out of its plane by {height * 1e3:.3g} mm at the end")
+        picture(out / "unloaded.png", case, shown, f"{case.fabric.name}, after unloading")
+    return record.table, peak, stopped
 
 
 def axial_strain(case, fabric):
@@ -227,7 +225,7 @@ def plot(path, runs):
                     axes.plot(smooth, curve / 1e6, label=label, **plots.FITTED)
         plots.label(axes, name, "axial Green-Lagrange strain (-)", "axial stress S (MPa)", ylim=(0, None))
     plots.legend(figure, columns + 1)
-    figure.savefig(path, dpi=150)
+    plots.save(figure, path)
 
 
 def report(case, table, peak, stopped):
@@ -322,10 +320,9 @@ def main():
             must = law == named.DEFAULT or (len(args.law) == 1 and law != "printed")
             right = right and good and (stopped is None or not must)
             runs.append((case, table))
-            if comm.rank == 0:
-                plot(folder / "stress_strain.png", runs[-1:])
-    if comm.rank == 0 and len(runs) > 1:
-        plot(out / "stress_strain.png", runs)
+            results.on_root(comm, lambda folder=folder: plot(folder / "stress_strain.png", runs[-1:]))
+    if len(runs) > 1:
+        results.on_root(comm, lambda: plot(out / "stress_strain.png", runs))
     verdict = "yes" if right else "NO"
     command.say(f"check: grips in balance, cycles complete, free yarn tests on the fitted curve: {verdict}; see {out}")
     return 0 if right else 1

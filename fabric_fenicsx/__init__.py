@@ -35,8 +35,9 @@ Rooms, in the order in which a scene goes through them, and their names; each ro
 - `solvers.newmark`: implicit motion: `Newmark`; `solvers.explicit`: `CentralDifference`
 - `solvers.motion`: their masses: `Motion`
 - `solvers.energy`: where the work goes: `Ledger`; `solvers.checkpoint`: `save`, `load`, `guard`
-- `output.results`: histories and fields: `folder`, `Table`, `Fields`, `Average`
-- `output.pictures`: a sheet: `picture`; `output.frames`: one for each step, and films: `Frames`, `Series`
+- `output.recording`: all that a run leaves behind, in one line: `Recorder`; `output.showing`: `Plain`
+- `output.results`: histories: `folder`, `Table`, `Average`, `on_root`; `output.fields`: for ParaView: `Fields`
+- `output.pictures`: a sheet: `picture`; `output.series`: from its fields, and films: `Series`
 - `plots`: curves of one look: `panels`, `label`, `legend`, `style`, `series`
 - `scenes`: a scene as data: `read`, `build`, `run`; `app.cli`: the command `fabric-fenicsx`
 - `app.command`: what every script does at its command line: `parse`, `say`, `run`; `system`: `can_draw`, `mpirun`
@@ -47,7 +48,8 @@ The other rooms serve these: `surfaces.checking`, `surfaces.grouping` and `surfa
 `surfaces.abaqus_lines`, `surfaces.abaqus_parts` and `surfaces.polygon_files`; `shell.rotation` and `shell.dirichlet`
 the directors, `terms.kernels` the stiffness, `solvers.tangent` the matrix, `solvers.stepper`, `solvers.step` and
 `solvers.stable_step` the motions, `solvers.held` statics, `solvers.reactions` and `solvers.failures` all of them,
-`entries` the TOML files, `compiling` the forms that are compiled once and kept, `app.doctor` the command.
+`entries` the TOML files, `compiling` the forms that are compiled once and kept,
+`files` and `output.gathering` what is written, `app.doctor` the command.
 
 The six demos `my_fabric`, `my_mesh`, `my_load`, `my_law`, `my_term` and `my_seam` are short, each ends in an exact
 check, and are meant to be copied and changed.

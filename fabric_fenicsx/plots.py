@@ -4,7 +4,10 @@ What differs in colour differs in its line or its marker, too, so that a print i
 """
 
 from copy import copy
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
+
+from . import files
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -99,6 +102,12 @@ def legend(figure: "Figure", columns: int = 3) -> None:
     entry = 0.55 + 0.075 * max(map(len, entries), default=0)  # inches, at 8 points
     columns = max(1, min(columns, int(figure.get_figwidth() / entry)))
     figure.legend(entries.values(), entries, loc="outside lower center", ncols=columns, fontsize=8, frameon=False)
+
+
+def save(figure: "Figure", path: Path) -> None:
+    """Write a figure, in whole or not at all. Raises OSError, which names the path."""
+    with files.whole(path) as rough:
+        figure.savefig(rough, dpi=150)
 
 
 def _grey(line: Any) -> Any:

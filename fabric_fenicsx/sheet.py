@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 from typing import Any
 
-import basix
 import numpy as np
 import ufl
 from mpi4py import MPI
@@ -15,6 +14,7 @@ from .errors import InputError
 from .laws import Law, checks
 from .laws.own_bending import OwnBending
 from .laws.section import Section
+from .output.showing import Showing
 from .shell import assumed_strain, directors, kinematics
 from .solvers import motion
 from .solvers.energy import Ledger
@@ -37,7 +37,7 @@ Poke of muslin, 20 x 20, the hardest: 75 cuts, or none that helps, with a reach 
 """
 
 
-class Sheet:
+class Sheet(Showing):
     """A shell or a membrane in space, at rest, with nothing that holds or loads it.
 
     Hold it with `supports`, load it with terms of `weakform` on its test function `v`, and solve:
@@ -85,11 +85,8 @@ class Sheet:
         self.terms: list[Term] = []
         self.points: list[LawPoints] = []
         self.shell: directors.ShellSpace | None = None
-        self._strain: fem.Expression | None = None
         self._velocity: fem.Function | None = None
-        self._warp = warp
-        self._yarns: yarns.Yarns | None = None
-        self._shown: tuple[fem.Function, np.ndarray] | None = None
+        self.warp = warp
         if kinematics == "membrane":
             self._build_membrane(warp, element)
         elif shear is None:
@@ -150,15 +147,6 @@ class Sheet:
         internal = weakform.internal(stress, self.strain, self.q, self.test, h, dx)
         energy = self.stored if linear is not None else None
         self.terms = [FormTerm(internal, self.q, energy=energy, symmetric=self.law.symmetric)]
-
-    def cell_strain(self) -> np.ndarray:
-        """Mean strain over each local cell, in the components of `strain`; of a law, at its last evaluation."""
-        if self.points:
-            return np.asarray(self.points[0].strain.mean(axis=1))
-        if self._strain is None:
-            points, _ = basix.make_quadrature(self.domain.mesh.basix_cell(), 2)
-            self._strain = fem.Expression(self.strain, points)
-        return np.asarray(self._strain.eval(self.domain.mesh, self._everywhere()).mean(axis=1))
 
     def mass(self, areal_mass: float, rotary: str = "thickness") -> Form:
         """Bilinear form of the mass for `motion.Motion`; areal mass in kg/m2.
@@ -255,31 +243,6 @@ class Sheet:
     def _residual(self, loads: Form | int) -> list[Form | Term]:
         """Terms of the sheet and of what loads it."""
         return [*self.terms, -loads] if isinstance(loads, Form) else [*self.terms]
-
-    # -- to be shown -------------------------------------------------------------------------------------------------
-
-    def displacement(self) -> fem.Function:
-        """The present displacement in m, as a Function of its own; each call brings the same one up to date."""
-        if self.shell is None:
-            return self.q
-        if self._shown is None:
-            space, dofs = self.q.function_space.sub(0).collapse()
-            self._shown = fem.Function(space), np.array(dofs)
-        u, dofs = self._shown
-        u.x.array[:] = self.q.x.array[dofs]
-        return u
-
-    def yarns(self) -> np.ndarray:
-        """Warp and weft of each local cell as they are now, shape (cells, 2, 3): unit vectors, moved and stretched."""
-        if self._yarns is None:
-            mesh = self.domain.mesh
-            self._yarns = yarns.Yarns(mesh, self.u, yarns.surface_axes(mesh, self._warp, 1))
-        return self._yarns()
-
-    def _everywhere(self) -> np.ndarray:
-        """All local cells, ghosts included."""
-        cells = self.domain.mesh.topology.index_map(2)
-        return np.arange(cells.size_local + cells.num_ghosts, dtype=np.int32)
 
 
 def _look_at(law: Law, comm: MPI.Comm) -> None:

@@ -13,13 +13,17 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import scenes as scenes_of_tests
 import test_demos
+from mpi4py import MPI
+from dolfinx import fem
 from test_setup import PROJECT, ROOT
 
 from fabric_fenicsx import fabrics, scenes, system
 from fabric_fenicsx.app import cli, doctor
 from fabric_fenicsx.errors import InputError
 from fabric_fenicsx.identify import synthetic
+from fabric_fenicsx.output.fields import Fields
 from fabric_fenicsx.solvers import checkpoint
 
 read, look, MESHES = test_demos.read, test_demos.look, test_demos.MESHES
@@ -98,14 +102,11 @@ def scene(folder, text):
 
 
 def one_frame(folder):
-    """What a run of a single cell leaves behind for `view`."""
-    frames = folder / "frames"
-    frames.mkdir()
-    square = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], dtype=float)
-    mesh = {"dim": 3, "cells": [4, 0, 1, 2, 3], "kinds": [9], "points": square, "view": (1.0, -2.0, 1.2)}
-    np.savez(frames / "mesh.npz", **mesh, title="a cell", when="load {:g}")
-    yarns = np.eye(3)[None, :2]
-    np.savez(frames / "000000.npz", moved=0.1 * square, strain=[[0.1, 0.1, 0.0]], yarns=yarns, time=1.0)
+    """What a run of a few cells leaves behind for `view`."""
+    u = fem.Function(scenes_of_tests.space(scenes_of_tests.grid(MPI.COMM_SELF, cells=(2, 2)), 1))
+    yarns = np.tile([[1.0, 0, 0], [0, 1, 0]], (4, 1, 1))
+    values = {"strain": np.tile([0.1, 0.1, 0.0], (4, 1)), "warp": yarns[:, 0], "weft": yarns[:, 1]}
+    Fields(folder, u).write(1.0, "four cells", **values)
     return folder
 
 
@@ -184,7 +185,7 @@ def test_run_and_view(command, tmp_path):
     E = 0.004 / 0.0762 + (0.004 / 0.0762) ** 2 / 2
     free = fabrics.load("blend").warp.stress(E) * (1 + 0.004 / 0.0762) * area
     assert 1.0 < force[1] / free < 1.15, "a little stiffer than between ends that contract"
-    assert (tmp_path / "one" / "fields.bp").exists()
+    assert (tmp_path / "one" / "fields.pvd").exists()
     look(tmp_path / "one" / "deformed.png")
     status, said, _ = command("view", tmp_path / "one", "--frame", "1", "--colour", "weft", "--view", "0,-1,1")
     assert status == 0 and str(tmp_path / "one" / "view.png") in said
@@ -302,8 +303,6 @@ def test_the_examples_can_be_built(name):
 
 def test_loads_of_a_file_are_those_of_a_script(tmp_path):
     """Every kind of load, as its virtual work on a shift of the whole sheet: force times one metre."""
-    from dolfinx import fem
-
     loads = """
 [[load]]
 kind = "surface"

@@ -75,7 +75,7 @@ def files(folder):
     """The history of a run, which has the agreed columns; fields and pictures are there."""
     table = read(folder / "history.csv")
     assert set(table) >= set(COLUMNS)
-    assert (folder / "fields.bp").exists()
+    assert (folder / "fields.pvd").exists()
     look(folder / "stress_strain.png")
     look(folder / "deformed.png")
     return table

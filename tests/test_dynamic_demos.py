@@ -13,7 +13,7 @@ def files(folder):
     """The history of a run, which has the agreed columns; fields, checkpoint and pictures are there."""
     table = read(folder / "history.csv")
     assert set(table) >= COLUMNS
-    assert (folder / "fields.bp").exists() and (folder / "checkpoint.npz").exists()
+    assert (folder / "fields.pvd").exists() and (folder / "checkpoint.npz").exists()
     test_demos.look(folder / "energy.png")
     test_demos.look(folder / "deformed.png")
     return table

@@ -13,8 +13,8 @@ PACKAGE = Path(fabric_fenicsx.__file__).parent
 # From the top down: floors, and the rooms of each folder in the order in which they may import. What stands in one set
 # may not import each other; a folder's rooms see all floors above it. `errors` is for everybody.
 FLOORS = [
-    {"errors", "system", "plots"},
-    {"compiling"},
+    {"errors", "system", "files"},
+    {"plots", "compiling"},
     {"entries"},
     {"fabrics"},
     {"laws"},
@@ -44,7 +44,7 @@ FLOORS = [
             {"energy"},
         ]
     },
-    {"output": [{"pictures", "results"}, {"frames"}]},
+    {"output": [{"results", "gathering", "showing"}, {"fields", "pictures"}, {"series"}, {"recording"}]},
     {"sheet"},
     {"specimen"},
     {"identify", "scenes"},

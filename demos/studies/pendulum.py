@@ -124,7 +124,7 @@ def fly(args, out):
     """Fly freely: the drifts of energy, linear and angular momentum, %."""
     args.end = args.steps * args.step * 1e-3
     played = scene(args)
-    table = moving.play(played, args, out, progress=True)
+    table = moving.play(played, args, out, progress=True, every=max(1, args.steps // 200))
     moving.summary(table, played.run)
     drifts = []
     for kind in ("angular_momentum_{}_Nms", "momentum_{}_Ns"):

@@ -13,7 +13,8 @@ from dolfinx import fem
 from fabric_fenicsx import sheet
 from fabric_fenicsx.errors import InputError, StepFailed
 from fabric_fenicsx.laws.svk import StVenantKirchhoff
-from fabric_fenicsx.output import pictures, results
+from fabric_fenicsx.output import pictures
+from fabric_fenicsx.output.recording import Recorder
 from fabric_fenicsx.shell import directors
 from fabric_fenicsx.solvers import marching
 from fabric_fenicsx.surfaces import meshing
@@ -173,18 +174,19 @@ class Case:
         def set_load(value):
             shell.load.value = value
 
-        with results.Table(out and out / "history.csv", shell.comm) as table:
+        def probes(step):
+            values = {name: factor * shell.mean(group, axis) for name, (group, axis, factor) in self.probes.items()}
+            wanted = {f"{name}_reference": column[step.number - 1] for name, column in self.reference.items()}
+            return {self.load_name: step.load} | values | self.also(values) | wanted
+
+        stopped = None
+        with Recorder(shell.sheet, out, probes, title=self.title, when=lambda step: "", picture=None) as record:
             try:
                 for step in marching.march(solver, set_load, self.loads, smallest=smallest, progress=progress):
-                    values = {name: factor * shell.mean(group, axis)
-                              for name, (group, axis, factor) in self.probes.items()}  # fmt: skip
-                    wanted = {f"{name}_reference": column[step.number - 1] for name, column in self.reference.items()}
-                    table.row(**{self.load_name: step.load}, **values, **self.also(values), **wanted,
-                              newton_iterations=step.newton_iterations, step_cuts=step.step_cuts,
-                              wall_s=step.wall_s)  # fmt: skip
+                    record(step)
             except StepFailed as error:
-                return table, str(error)
-        return table, None
+                stopped = str(error)
+        return record.table, stopped
 
     def errors(self, table):
         """Name -> error of each step as a part of what is allowed; NaN where there is no reference."""

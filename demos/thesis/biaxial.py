@@ -19,7 +19,9 @@ from fabric_fenicsx import fabrics, plots
 from fabric_fenicsx.app import command
 from fabric_fenicsx.errors import InputError, StepFailed
 from fabric_fenicsx.laws import driver, named
-from fabric_fenicsx.output import pictures, results
+from fabric_fenicsx.output import results
+from fabric_fenicsx.output.recording import Recorder
+from fabric_fenicsx.output.showing import Plain
 from fabric_fenicsx.solvers import statics
 from fabric_fenicsx.surfaces import meshing
 
@@ -51,45 +53,40 @@ def run(fabric, law, steps=20, displacement=0.03, out=None, cells=4, mesh=MESH, 
     S = sheet.stress.ref_coefficient
     stress_error, force_error, stopped = 0.0, 0.0, None
 
-    with results.Table(out and out / "history.csv", comm) as table:
-        fields = results.Fields(out / "fields.bp", u, ("warp_strain_E11",)) if out else None
+    area = SIDE * fabric.thickness
+
+    def probes(step):
+        force = {name: solver.reaction(dofs) for name, dofs in edge.items()}
+        expected, strain, stretch = point[step.number - 1], E[step.number - 1], 1 + step.load / SIDE
+        return {
+            "step": step.number,
+            "displacement_mm": step.load * 1e3,
+            "force_N": force["right"],
+            "axial_strain": strain,
+            "axial_stress_MPa": force["right"] / area / stretch / 1e6,
+            "transverse_strain": strain,
+            "transverse_stress_MPa": force["top"] / area / stretch / 1e6,
+            "transverse_force_N": force["top"],
+            "point_axial_stress_MPa": expected[0] / 1e6,
+            "point_transverse_stress_MPa": expected[1] / 1e6,
+            "imbalance_N": max(abs(force["left"] + force["right"]), abs(force["bottom"] + force["top"])),
+        }
+
+    with Recorder(
+        Plain(lambda: u, sheet.points, yarns), out, probes, title=f"{fabric.name}, 1:1 biaxial",
+        when=lambda step: f"{step.load * 1e3:g} mm", colour="warp", picture=steps,
+    ) as record:  # fmt: skip
         try:
             for step in statics.march(solver, pull, path, progress=out and f"{fabric.name} biaxial"):
-                force = {name: solver.reaction(dofs) for name, dofs in edge.items()}
-                imbalance = max(abs(force["left"] + force["right"]), abs(force["bottom"] + force["top"]))
+                row = record(step)
                 expected = point[step.number - 1]
                 difference = comm.allreduce(np.abs(S.x.array.reshape(-1, 3) - expected).max(initial=0.0), MPI.MAX)
-                stress_error, force_error = max(stress_error, difference), max(force_error, imbalance)
-                stretch = 1 + step.load / SIDE
-                area = SIDE * fabric.thickness
-                table.row(
-                    step=step.number,
-                    displacement_mm=step.load * 1e3,
-                    force_N=force["right"],
-                    axial_strain=E[step.number - 1],
-                    axial_stress_MPa=force["right"] / area / stretch / 1e6,
-                    transverse_strain=E[step.number - 1],
-                    transverse_stress_MPa=force["top"] / area / stretch / 1e6,
-                    transverse_force_N=force["top"],
-                    point_axial_stress_MPa=expected[0] / 1e6,
-                    point_transverse_stress_MPa=expected[1] / 1e6,
-                    imbalance_N=imbalance,
-                    newton_iterations=step.newton_iterations,
-                    step_cuts=step.step_cuts,
-                    wall_s=step.wall_s,
-                )
-                if fields:
-                    E11 = sheet.points.strain[..., 0].mean(axis=1)
-                    fields.write(step.number, warp_strain_E11=E11)
-                    if step.number == steps:
-                        title = f"{fabric.name}, 1:1 biaxial, {step.load * 1e3:g} mm"
-                        pictures.picture(out / "deformed.png", u, E11, "warp strain E11 (-)", title, yarns=yarns())
-                if step.number > steps and max(force["right"], force["top"]) <= 0.0:
+                stress_error, force_error = max(stress_error, difference), max(force_error, row["imbalance_N"])
+                if step.number > steps and max(row["force_N"], row["transverse_force_N"]) <= 0.0:
                     break
         except StepFailed as error:
             stopped = str(error)
-        if fields:
-            fields.close()
+    table = record.table
     force = np.abs([table.column(name) for name in ("force_N", "transverse_force_N")]).max(initial=1e-300)
     return table, stress_error / np.abs(point).max(), force_error / force, stopped
 
@@ -117,7 +114,7 @@ def plot(path, runs):
         axes.axhline(0.0, color="0.6", lw=0.8, zorder=0)
         plots.label(axes, fabric.name, "Green-Lagrange strain $E_{11} = E_{22}$ (-)", "stress S (MPa)")
     plots.legend(figure)
-    figure.savefig(path, dpi=150)
+    plots.save(figure, path)
 
 
 def arguments():
@@ -158,10 +155,9 @@ def main():
         worst = np.maximum(worst, errors)
         right = right and max(errors) <= 1e-8 and not (stopped and args.law != "printed")
         runs.append((fabric, table))
-        if MPI.COMM_WORLD.rank == 0:
-            plot(folder / "stress_strain.png", runs[-1:])
-    if MPI.COMM_WORLD.rank == 0 and len(runs) > 1:
-        plot(out / "stress_strain.png", runs)
+        results.on_root(MPI.COMM_WORLD, lambda folder=folder: plot(folder / "stress_strain.png", runs[-1:]))
+    if len(runs) > 1:
+        results.on_root(MPI.COMM_WORLD, lambda: plot(out / "stress_strain.png", runs))
     command.say(
         f"check: stress that of a material point to {worst[0]:.0e}, opposite edges in balance to {worst[1]:.0e}, "
         f"relative: {'yes' if right else 'NO'}; see {out}"

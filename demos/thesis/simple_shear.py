@@ -23,7 +23,9 @@ from fabric_fenicsx import fabrics, plots
 from fabric_fenicsx.app import command
 from fabric_fenicsx.errors import InputError, StepFailed
 from fabric_fenicsx.laws import driver, named
-from fabric_fenicsx.output import pictures, results
+from fabric_fenicsx.output import results
+from fabric_fenicsx.output.recording import Recorder
+from fabric_fenicsx.output.showing import Plain
 from fabric_fenicsx.shell import kinematics
 from fabric_fenicsx.solvers import statics
 from fabric_fenicsx.surfaces import meshing, yarns
@@ -77,46 +79,40 @@ def run(fabric, law, cycle="sign", steps=20, amplitude=0.4, out=None, mesh=MESH,
     means = [results.Average(S[i], ufl.as_ufl(1.0), sheet.dx, comm) for i in range(3)]
     stress_error, force_error, stopped, peak = np.zeros(3), 0.0, None, np.argmax(path) + 1
 
-    with results.Table(out and out / "history.csv", comm) as table:
-        fields = results.Fields(out / "fields.bp", u, ("shear_strain_E12",)) if out else None
+    def probes(step):
+        g, expected = step.load, point[step.number - 1]
+        # forces on the edges with the normals x and y, from P = F S with F = [[1, g], [0, 1]]
+        S11, S22, S12 = (mean.value() for mean in means)
+        P = np.array([[1.0, g], [0.0, 1.0]]) @ [[S11, S12], [S12, S22]] * SIDE * fabric.thickness
+        wanted = {"right": P[:, 0], "left": -P[:, 0], "top": P[:, 1], "bottom": -P[:, 1]}
+        force = {name: np.array([*map(solver.reaction, dofs)]) for name, dofs in edge.items()}
+        return {
+            "step": step.number,
+            "displacement_mm": g * SIDE * 1e3,
+            "force_N": force["top"][0],
+            "axial_strain": 0.0,
+            "axial_stress_MPa": S11 / 1e6,
+            "transverse_strain": g * g / 2,
+            "transverse_stress_MPa": S22 / 1e6,
+            "shear_strain_E12": g / 2,
+            "shear_stress_MPa": S12 / 1e6,
+            "point_shear_stress_MPa": expected[2] / 1e6,
+            "imbalance_N": max(np.abs(force[name] - wanted[name]).max() for name in edge),
+        }
+
+    with Recorder(
+        Plain(lambda: u, sheet.points, yarns), out, probes, title=f"{fabric.name}, simple shear",
+        when=lambda step: f"2 E12 = {step.load:.3g}", colour="shear", picture=peak,
+    ) as record:  # fmt: skip
         try:
             for step in statics.march(solver, shear, path, progress=out and f"{fabric.name} shear"):
-                g, expected = step.load, point[step.number - 1]
-                # forces on the edges with the normals x and y, from P = F S with F = [[1, g], [0, 1]]
-                S11, S22, S12 = (mean.value() for mean in means)
-                P = np.array([[1.0, g], [0.0, 1.0]]) @ [[S11, S12], [S12, S22]] * SIDE * fabric.thickness
-                wanted = {"right": P[:, 0], "left": -P[:, 0], "top": P[:, 1], "bottom": -P[:, 1]}
-                force = {name: np.array([*map(solver.reaction, dofs)]) for name, dofs in edge.items()}
-                imbalance = max(np.abs(force[name] - wanted[name]).max() for name in edge)
+                row, expected = record(step), point[step.number - 1]
                 difference = np.abs(S.x.array.reshape(-1, 3) - expected).max(axis=0, initial=0.0)
                 stress_error = np.max([stress_error, *comm.allgather(difference)], axis=0)
-                force_error = max(force_error, imbalance)
-                table.row(
-                    step=step.number,
-                    displacement_mm=g * SIDE * 1e3,
-                    force_N=force["top"][0],
-                    axial_strain=0.0,
-                    axial_stress_MPa=S11 / 1e6,
-                    transverse_strain=g * g / 2,
-                    transverse_stress_MPa=S22 / 1e6,
-                    shear_strain_E12=g / 2,
-                    shear_stress_MPa=S12 / 1e6,
-                    point_shear_stress_MPa=expected[2] / 1e6,
-                    imbalance_N=imbalance,
-                    newton_iterations=step.newton_iterations,
-                    step_cuts=step.step_cuts,
-                    wall_s=step.wall_s,
-                )
-                if fields:
-                    E12 = sheet.points.strain[..., 2].mean(axis=1) / 2
-                    fields.write(step.number, shear_strain_E12=E12)
-                    if step.number == peak:
-                        title = f"{fabric.name}, simple shear, 2 E12 = {g:.3g}"
-                        pictures.picture(out / "deformed.png", u, E12, "shear strain E12 (-)", title, yarns=yarns())
+                force_error = max(force_error, row["imbalance_N"])
         except StepFailed as error:
             stopped = str(error)
-        if fields:
-            fields.close()
+    table = record.table
     stress_error = (stress_error / np.abs(point).max(axis=0)).max()
     return table, stress_error, force_error / np.abs(table.column("force_N")).max(initial=1e-300), stopped
 
@@ -134,7 +130,7 @@ def plot(path, fabric, table, law):
     axes.axhline(0.0, color="0.6", lw=0.8, zorder=0)
     plots.label(axes, fabric.name, "shear strain $2 E_{12}$ (-)", "shear stress $S_{12}$ (MPa)")
     plots.legend(figure)
-    figure.savefig(path, dpi=150)
+    plots.save(figure, path)
 
 
 def arguments():
@@ -162,8 +158,8 @@ def main():
     out = results.folder(args.out / f"{Path(args.fabric).stem}_{args.cycle}")
     law = named.law(args.law, fabric, args.poisson)
     table, stress_error, force_error, stopped = run(fabric, law, args.cycle, args.steps, args.amplitude, out, args.mesh)
-    if MPI.COMM_WORLD.rank == 0 and table.rows:
-        plot(out / "stress_strain.png", fabric, table, args.law)
+    if table.rows:
+        results.on_root(MPI.COMM_WORLD, lambda: plot(out / "stress_strain.png", fabric, table, args.law))
     S12, S22 = table.column("shear_stress_MPa"), table.column("transverse_stress_MPa")
     command.say(
         f"{fabric.name}, {args.law}: {len(S12)} steps, {table.column('newton_iterations').mean():.1f} Newton "

@@ -50,6 +50,8 @@ def drawn_to(path: Path) -> Iterator[None]:
     """What cannot be written, or has an ending that is no picture's, is the user's fault."""
     try:
         yield
+    except InputError:
+        raise
     except (OSError, ValueError, ImportError) as error:
         reason = str(error).splitlines()[0].rstrip(".")
         raise InputError(
@@ -162,10 +164,11 @@ def identify(tests: Path, shear: str, ends: str, out: Path) -> None:
 @click.argument("scene", type=file)
 @keys("scenes.reading")
 @click.option("--out", type=folder, help="Folder for the results.  [default: out/NAME OF THE SCENE]")
-@click.option("--resume", type=file, help="Go on from the checkpoint of a motion.")
+@click.option("--resume", is_flag=False, flag_value="", metavar="[FILE]", help="Go on from this checkpoint, "
+              "or (as the last word of the line) from the last one in --out; its history goes on, too.")  # fmt: skip
 @click.option("--quiet", is_flag=True, help="No progress.")
 @click.option("--trust", is_flag=True, help="Let a .geo mesh run programs and write files, if it does.")
-def run(scene: Path, out: Path | None, resume: Path | None, quiet: bool, trust: bool) -> None:
+def run(scene: Path, out: Path | None, resume: str | None, quiet: bool, trust: bool) -> None:
     """Run SCENE, a TOML file (see --keys, and demos/scenes); also by mpirun -n N fabric-fenicsx run ..."""
     from .. import scenes
     from ..output import results
@@ -173,7 +176,7 @@ def run(scene: Path, out: Path | None, resume: Path | None, quiet: bool, trust: 
 
     said = scenes.read(scene, trust=trust)
     out = results.folder(out or Path("out") / scene.stem)
-    table = scenes.run(said, out, not quiet, resume)
+    table = scenes.run(said, out, not quiet, None if resume is None else Path(resume) if resume else True)
     last = table.rows[-1]
     command.say(", ".join(f"{name} {value:.6g}" for name, value in last.items() if name != "wall_s"))
     command.say(f"{len(table.rows)} steps, {table.column('wall_s').sum():.1f} s; see {out}")
@@ -203,29 +206,37 @@ def three(context: click.Context, parameter: click.Parameter, text: str | None) 
 
 @app.command()
 @click.argument("results_folder", metavar="FOLDER", type=folder)
-@click.option("--frame", type=int, default=-1, help="Which step, from 0; the last, if left out.")
+@click.option("--frame", type=int, help="Which step, from 0; the last, if left out.")
 @click.option("--colour", type=click.Choice(["yarn", "warp", "weft", "shear"]), default="yarn", show_default=True,
               help="By which strain; yarn: the larger of warp and weft.")  # fmt: skip
 @click.option("--view", "eye", callback=three, metavar="X,Y,Z", help="From the sheet to the eye.")
 @click.option("--animation", is_flag=True, help="All steps, as animation.gif.")
-@click.option("--out", type=file, help="Picture, or with --animation .gif or .mp4.  [default: in FOLDER]")
-def view(results_folder: Path, frame: int, colour: str, eye: tuple[float, float, float] | None, animation: bool,
+@click.option("--out", type=file, help="Picture, or with --animation a .gif (with the extra [film] also .mp4).  "
+              "[default: in FOLDER]")  # fmt: skip
+def view(results_folder: Path, frame: int | None, colour: str, eye: tuple[float, float, float] | None, animation: bool,
          out: Path | None) -> None:  # fmt: skip
-    """Draw what a run, or a demo with --animation, wrote into FOLDER."""
+    """Draw what a run, or a demo, wrote into FOLDER; a broken frame is named, and the others are shown."""
     from .. import system
-    from ..output.frames import Series
+    from ..output.series import Series, refuse_ending
 
-    series = Series(results_folder / "frames")
+    series = Series(results_folder)
     if (fault := system.can_draw()) is not None:
         raise InputError(fault)
-    if not -len(series.times) <= frame < len(series.times):
-        raise InputError(f"--frame {frame}: the run has the frames 0 to {len(series.times) - 1}.")
+    count = len(series.files)
+    if frame is not None and not -count <= frame < count:
+        raise InputError(f"--frame {frame}: the run has the frames 0 to {count - 1}.")
     out = out or results_folder / ("animation.gif" if animation else "view.png")
+    if animation:
+        refuse_ending(out)
     with drawn_to(out):
         if animation:
-            series.animation(out, colour, eye)
+            broken = series.film(out, colour, eye)
         else:
-            series.picture(out, frame, colour, eye)
+            number = series.last() if frame is None else frame
+            series.picture(out, number, colour, eye)
+            broken = sorted({*series.broken(), *range(number + 1, count)}) if frame is None else series.broken()
+    for number in broken:
+        click.echo(f"{series.files[number]} cannot be read, and is left out")
     click.echo(f"see {out}")
 
 

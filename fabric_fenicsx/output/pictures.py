@@ -1,36 +1,33 @@
 """Pictures of a sheet, all of one look.
 
 Undeformed outline in black, the deformed sheet coloured by one value a cell, and at a few places an arrow along the
-warp (red, long) and one along the weft (black, short), on the side of the eye.
+warp (red, long) and one along the weft (black, short), on the side of the eye. Values of both signs have colours that
+part at zero. A sheet in space stands beside a length to scale and the directions of the axes.
 """
 
 import os
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from dolfinx import fem, plot
+from dolfinx import fem
 
+from .. import files
 from ..laws import Array
 from ..system import can_draw
+from . import results
+from .gathering import Whole
 
 VIEW = (1.0, -2.0, 1.2)
 """From the sheet to the eye."""
-
-
-def film(path: Path, frames: Sequence[Path], seconds: float) -> None:
-    """Put pictures together into an animated `.gif` (or `.mp4`, where imageio has ffmpeg); on rank 0 alone."""
-    import imageio.v3 as iio
-
-    images = [iio.imread(frame)[::2, ::2, :3] for frame in frames]
-    iio.imwrite(path, np.stack(images), duration=1000 * seconds / len(images), loop=0)
+SIGNED = 0.02
+"""Values have both signs if those of the rarer one reach this part of the others."""
 
 
 @dataclass
 class Shape:
-    """A sheet as it is drawn, of all ranks: cells and points as VTK wants them (`dolfinx.plot.vtk_mesh`)."""
+    """A sheet as it is drawn, of all ranks: cells and points as VTK wants them."""
 
     dim: int
     cells: np.ndarray
@@ -43,32 +40,21 @@ class Shape:
     """Of each cell (cells, any number)."""
     yarns: Array | None = None
     """Warp and weft of each cell as they are now (cells, 2, 3)."""
+    title: str = ""
+    view: tuple[float, float, float] = VIEW
 
 
 def shape(u: fem.Function, values: Array, yarns: Array | None = None) -> Shape | None:
     """Gather a displacement and what belongs to each local cell; on rank 0, None elsewhere."""
-    space = u.function_space
-    domain = space.mesh
-    owned, dim = domain.topology.index_map(domain.topology.dim).size_local, domain.geometry.dim
-    cells, kinds, points = plot.vtk_mesh(space, np.arange(owned, dtype=np.int32))
-    nodes = space.dofmap.index_map.local_to_global(np.arange(len(points), dtype=np.int32))
-    moved = np.zeros_like(points)
-    moved[:, :dim] = u.x.array.reshape(-1, dim)
-    own = (cells, kinds, nodes, points, moved, values[:owned], None if yarns is None else yarns[:owned])
-    parts = domain.comm.gather(own, root=0)
-    if parts is None:
+    whole = Whole(u.function_space)
+    gathered = whole(u, {"values": values} | ({} if yarns is None else {"yarns": yarns}))
+    if gathered is None:
         return None
-    # the nodes of all ranks, each once
-    nodes, first, place = np.unique(np.concatenate([part[2] for part in parts]), return_index=True, return_inverse=True)
-    rows, start = [], 0
-    for cells, _, here, *_ in parts:
-        table = cells.reshape(-1, int(cells[0]) + 1).copy() if len(cells) else cells.reshape(0, 1)
-        table[:, 1:] = place[start + table[:, 1:]]
-        rows.append(table.ravel())
-        start += len(here)
-    kinds, points, moved, values = (np.concatenate([part[k] for part in parts]) for k in (1, 3, 4, 5))
-    both = None if yarns is None else np.concatenate([part[6] for part in parts])
-    return Shape(dim, np.concatenate(rows), kinds, points[first], moved[first], values, both)
+    moved, cells = gathered
+    count, nodes = whole.cells.shape
+    flat = np.insert(whole.cells, 0, nodes, axis=1).ravel()
+    kinds = np.full(count, whole.kind, dtype=np.uint8)
+    return Shape(whole.dim, flat, kinds, whole.points, moved, cells["values"], cells.get("yarns"))
 
 
 def picture(
@@ -90,8 +76,9 @@ def picture(
     yarns: as `sheet.Sheet.yarns` gives them, to be shown by arrows.
     """
     shown = shape(u, cell_values, yarns)
-    if shown is not None:
-        draw(path, shown, label, title, view, limits, box)
+    results.on_root(
+        u.function_space.mesh.comm, lambda: draw(path, shown, label, title, view, limits, box) if shown else None
+    )
 
 
 def draw(
@@ -103,11 +90,26 @@ def draw(
     limits: tuple[float, float] | None = None,
     box: tuple[float, ...] | None = None,
 ) -> None:
-    """As `picture`, of one value for each cell; says so where pictures cannot be drawn."""
+    """As `picture`, on one rank; says so where pictures cannot be drawn. Raises OSError."""
     fault = can_draw()
     if fault:
         print(fault)
         return
+    from PIL import Image
+
+    with files.whole(path) as rough:
+        Image.fromarray(page(shape, label, title, view, limits, box)).save(rough)
+
+
+def page(
+    shape: Shape,
+    label: str,
+    title: str = "",
+    view: tuple[float, float, float] = VIEW,
+    limits: tuple[float, float] | None = None,
+    box: tuple[float, ...] | None = None,
+) -> np.ndarray:
+    """As `draw`, the picture itself (pixels down, pixels across, 3); only where pictures can be drawn."""
     os.environ.setdefault("VTK_DEFAULT_OPENGL_WINDOW", "vtkEGLRenderWindow")
     import pyvista
 
@@ -116,11 +118,7 @@ def draw(
     grid = pyvista.UnstructuredGrid(shape.cells, shape.kinds, shape.points)
     grid["moved"], grid.cell_data[label] = shape.moved, shape.values
     deformed = grid.warp_by_vector("moved")
-    low, high = deformed.get_data_range(label)
-    if high - low <= 1e-4 * max(abs(low), abs(high)):
-        # a uniform value: without zero in the range, colours would show its noise
-        low, high = min(low, 0.0), max(high, 0.0)
-    low, high = limits or (low, high)
+    low, high, colours = scale(*(limits or deformed.get_data_range(label)))
     plotter = pyvista.Plotter()
     plotter.background_color = "white"
     tips = np.zeros((0, 3))
@@ -148,13 +146,14 @@ def draw(
     actor = plotter.add_mesh(
         deformed,
         scalars=label,
-        cmap="viridis",
+        cmap=colours,
         clim=(low, high),
         show_scalar_bar=False,
         lighting=dim == 3,  # it would darken the colours of a flat sheet
         smooth_shading=True,
         split_sharp_edges=False,
         ambient=0.35 if dim == 3 else 0.0,
+        diffuse=0.7,
         specular=0.1,
     )
     # behind the lines that lie in it
@@ -179,10 +178,23 @@ def draw(
         if box is not None:
             seen = np.stack(np.meshgrid(*np.reshape(box, (3, 2))), axis=-1).reshape(-1, 3)
         _aim(plotter.camera, seen, np.array(view), size[0] / size[1], 1.0 - (above + below) / size[1])
+        _measure(plotter, size[1])
         plotter.camera.SetWindowCenter(0.0, -(below - above) / size[1])
         plotter.renderer.ResetCameraClippingRange()
-    plotter.screenshot(path)
+    image = plotter.screenshot(return_img=True)
     plotter.close()
+    return np.asarray(image)[..., :3]
+
+
+def scale(low: float, high: float) -> tuple[float, float, str]:
+    """Limits and name of the colours for values from low to high."""
+    if min(-low, high) > SIGNED * max(-low, high):
+        most = max(-low, high)
+        return -most, most, "coolwarm"
+    if high - low <= 1e-4 * max(abs(low), abs(high)):
+        # a uniform value: without zero in the range, colours would show its noise
+        low, high = min(low, 0.0), max(high, 0.0)
+    return low, high, "viridis"
 
 
 def _aim(camera: Any, points: Array, view: Array, aspect: float, share: float) -> None:
@@ -198,6 +210,27 @@ def _aim(camera: Any, points: Array, view: Array, aspect: float, share: float) -
     distance = max((x / (0.92 * half * aspect) + nearer).max(), (y / (share * half) + nearer).max())
     camera.up, camera.focal_point = axes[1], middle @ axes
     camera.position = (middle + [0.0, 0.0, distance]) @ axes
+
+
+def _measure(plotter: Any, height: int) -> None:
+    """Add the directions of the axes, and a length to the scale of what is as far away as the middle of the sheet."""
+    import pyvista
+    from vtkmodules.vtkRenderingCore import vtkActor2D, vtkPolyDataMapper2D
+
+    pixel = 2 * plotter.camera.distance * np.tan(np.radians(plotter.camera.view_angle) / 2) / height
+    length = max(n * 10.0**k for k in range(-6, 6) for n in (1, 2, 5) if n * 10.0**k <= 200 * pixel)
+    right, low, tick = 40 + length / pixel, 78, 5
+    ends = [(40, low + tick), (40, low - tick), (40, low), (right, low), (right, low + tick), (right, low - tick)]
+    mapper, line = vtkPolyDataMapper2D(), vtkActor2D()
+    mapper.SetInputData(pyvista.MultipleLines([(x, y, 0.0) for x, y in ends]))
+    line.SetMapper(mapper)
+    line.GetProperty().SetColor(0.0, 0.0, 0.0)
+    line.GetProperty().SetLineWidth(2)
+    plotter.add_actor(line)
+    said = f"{length:g} m" if length >= 1.0 else f"{1e3 * length:g} mm"
+    plotter.add_text(said, position=(48, low + 4), color="black", font_size=11)
+    grey = {"x_color": "dimgrey", "y_color": "dimgrey", "z_color": "dimgrey"}
+    plotter.add_axes(color="black", line_width=3, viewport=(0.89, 0.12, 1.0, 0.26), **grey)
 
 
 def _arrows(plotter: Any, shape: Shape, eye: Array, count: int = 5) -> Array:

@@ -67,8 +67,8 @@ import numpy as np
 from .. import entries
 from ..entries import Table
 from ..laws.named import DEFAULT, NAMES
-from ..output.frames import LABELS
 from ..output.pictures import VIEW
+from ..output.series import LABELS
 from ..shell.directors import ELEMENTS
 from .sheet_reading import Vector, bending, warp
 

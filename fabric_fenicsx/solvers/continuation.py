@@ -51,11 +51,42 @@ class Step:
 
 
 def progress_bar(steps: int, name: str | None, comm: MPI.Comm) -> Any:
-    """A bar of that many steps on rank 0, often on a terminal, seldom in a file; without a name, none."""
-    calm = 0.2 if sys.stderr.isatty() else 30.0
-    return tqdm(
-        total=steps, desc=name, unit="step", disable=name is None or comm.rank != 0, leave=False, mininterval=calm
-    )
+    """A bar of that many steps on rank 0 of a terminal, and a line each half minute elsewhere; without a name, none."""
+    shown = name is not None and comm.rank == 0
+    if shown and not sys.stderr.isatty():
+        return Lines(steps, str(name))
+    return tqdm(total=steps, desc=name, unit="step", disable=not shown, leave=False, mininterval=0.2)
+
+
+class Lines:
+    """What a bar is where it would tear a file apart: a whole line now and then, as far as tqdm's names are needed."""
+
+    every = 30.0  # s
+
+    def __init__(self, steps: int, name: str) -> None:
+        self._steps, self._name, self._done, self._said = steps, name, 0, ""
+        self._last = time.monotonic()
+
+    def __enter__(self) -> "Lines":
+        return self
+
+    def __exit__(self, *fault: object) -> None:
+        """A file needs no clearing."""
+
+    def set_postfix(self, refresh: bool = True, **numbers: object) -> None:
+        """What the next line ends with."""
+        self._said = ", ".join(f"{name}={value}" for name, value in numbers.items())
+
+    def set_postfix_str(self, said: str, refresh: bool = True) -> None:
+        """What the next line ends with."""
+        self._said = said
+
+    def update(self) -> None:
+        """One step more."""
+        self._done += 1
+        if time.monotonic() - self._last >= self.every:
+            self._last = time.monotonic()
+            print(f"{self._name}: {self._done} of {self._steps} steps, {self._said}", file=sys.stderr, flush=True)
 
 
 def arc_length(

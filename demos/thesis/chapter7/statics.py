@@ -58,20 +58,19 @@ def test(case, shots=()):
     shots: numbers of steps, -1 for the last one.
     """
     scene, views = tensile.strip(case), {}
-    shown, refresh = tensile.displacement(case, scene[0])
+    shown = tensile.sheet(case, scene[0], scene[2])
 
-    def shoot(name, points, load):
-        refresh()
+    def shoot(name, load):
         title = f"{case.fabric.name}, warp at {case.angle:g} degrees, {load * 1e3:.3g} mm"
-        views[name] = draw(case, shown, points, title, by=tensile.picture)
+        views[name] = draw(case, shown, title, by=tensile.picture)
 
     def watch(step, points):
         if step.number in shots:
-            shoot(str(step.number), points, step.load)
+            shoot(str(step.number), step.load)
 
     table, peak, stopped = tensile.run(case, scene=scene, watch=watch)
     if -1 in shots:
-        shoot("last", scene[2], table.rows[-1]["displacement_mm"] * 1e-3)
+        shoot("last", table.rows[-1]["displacement_mm"] * 1e-3)
     top = {name: float(value) for name, value in table.rows[min(peak, len(table.rows)) - 1].items()}
     return {
         "history": columns(table),
@@ -131,15 +130,13 @@ def buckled(fabric, steps, cells, height_mm):
         whole=True,
     )  # fmt: skip
     scene, views = tensile.strip(case), {}
-    shown, refresh = tensile.displacement(case, scene[0])
-    heights = []
+    shown, heights = tensile.sheet(case, scene[0], scene[2]), []
 
     def watch(step, points):
-        refresh()
-        heights.append(1e3 * float(np.abs(shown.x.array[2::3]).max()))
+        heights.append(1e3 * float(np.abs(shown.displacement().x.array[2::3]).max()))
         if step.number in (1, steps) or step.load == 0.0:
             title = f"{case.fabric.name}, {step.load * 1e3:.3g} mm"
-            view = draw(case, shown, points, title, by=tensile.picture, view=(0.5, -2.0, 0.9))
+            view = draw(case, shown, title, by=tensile.picture, view=(0.5, -2.0, 0.9))
             views[f"{step.load * 1e3:.3g} mm"] = view
 
     table, peak, stopped = tensile.run(case, scene=scene, watch=watch)
