@@ -114,7 +114,7 @@ class Sheet(Showing):
         self.q, self.test = space.function(), ufl.TestFunction(space.V)
         (self.u, self.director), (self.v, self.delta) = ufl.split(self.q), ufl.split(self.test)
         self.dx = space.dx
-        linear: np.ndarray | None = getattr(through, "stiffness", None)
+        self.linear = linear = getattr(through, "stiffness", None)
         limit = (h, reach, through.shear_limit(max(shear)), space.curvature())
         variation = weakform.shear_variation(mesh, max(shear), *limit)
         self.strain, across = assumed_strain.shell_strains(space, self.q, warp, variation)
@@ -137,7 +137,7 @@ class Sheet(Showing):
         self.dx = ufl.Measure("dx", mesh, metadata={"quadrature_degree": 2, "quadrature_scheme": "default"})
         self.strain = kinematics.membrane_strain(self.u, yarns.surface_axes(mesh, warp, 2))
         h = fem.Constant(mesh, self.thickness)
-        linear = getattr(self.law, "stiffness", None)
+        self.linear = linear = getattr(self.law, "stiffness", None)
         if linear is None:
             hook = LawHook(self.law, self.strain, mesh, 2, factor=self.thickness)
             stress, dx, self.points = hook.stress, hook.dx, [hook.points]

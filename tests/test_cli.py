@@ -399,7 +399,7 @@ def test_a_scene_that_cannot_be_is_refused_in_a_sentence(command, tmp_path, old,
         ("view {run} --frame 7", 2, "the run has the frames 0 to 0"),
         ("view . --view 0,0,0", 2, "0,0,0 is no direction"),
         ("view . --view nan,0,1", 2, "nan,0,1 is no direction"),
-        ("run {static} --resume {broken}", 2, "goes on with a motion"),
+        ("run {static} --resume {broken}", 2, "does not fit: it cannot be read"),
     ],
 )
 def test_bad_input_is_answered_in_a_sentence(command, tmp_path, words, status, reason):

@@ -46,6 +46,23 @@ name = "centre"
 at = "centre"
 axis = "z"
 """
+STATIC = f"""
+[mesh]
+file = "{meshing.MESHES}/strip.geo"
+numbers = {{ nx = 3, ny = 1 }}
+[sheet]
+fabric = "blend"
+[[support]]
+at = "fixed_end"
+kind = "clamp"
+[[support]]
+at = "pulled_end"
+kind = "grip"
+shift_m = [0.004, 0, 0]
+[statics]
+steps = 4
+turns = [1, 0.5]
+"""
 
 
 def shared(tmp_path):
@@ -191,9 +208,10 @@ def interrupted(monkeypatch):
     return run
 
 
-def test_a_run_that_goes_on_appends(interrupted, tmp_path):
+@pytest.mark.parametrize("text", [STATIC, MOTION], ids=["statics", "motion"])
+def test_a_run_that_goes_on_appends(interrupted, tmp_path, text):
     """Stopped twice and gone on with in its folder: as without a stop; no row twice, none lost."""
-    said, whole, out = scene(tmp_path), tmp_path / "whole", tmp_path / "out"
+    said, whole, out = scene(tmp_path, text), tmp_path / "whole", tmp_path / "out"
     for folder in whole, out:
         results.folder(folder)
     scenes.run(said, whole, False)

@@ -26,17 +26,19 @@ class Recorder:
                 record(step)
         record.table.column("sag_m")
 
-    The folder then holds history.csv, fields.pvd for ParaView (see `fields`), deformed.png and, of a motion, the last
-    two checkpoints (see `checkpoint.guard`). What an earlier run left there stays until the first step is recorded.
+    The folder then holds history.csv, fields.pvd for ParaView (see `fields`), deformed.png and, where `run` is given,
+    the last two checkpoints (see `checkpoint.guard`). What an earlier run left there stays until the first step is
+    recorded.
 
     Args:
         sheet: what is recorded.
         folder: where; None keeps the table alone, in memory.
         probes: of a step, the first columns of its row: names with units -> numbers, the same on every rank. Of a
-            motion the first of all is the time.
+            run that is kept by checkpoints the first of all is the time of a motion, else the number of the step.
         title: of pictures; when: of a step, what follows the title.
         colour: of pictures, of `series.LABELS`; view: from the sheet to the eye.
-        run: a motion, to be kept by checkpoints; marks: what they must have been made with, see `checkpoint.save`.
+        run: a motion, or a `marching.March`, to be kept by checkpoints; marks: what they must have been made with, see
+            `checkpoint.save`.
         resume: a checkpoint to go on from; True for the last one in `folder` that can be read. If it lies in `folder`,
             history and fields go on, too: what is later than the checkpoint is dropped, for it comes again. Raises
             InputError, before anything is touched.
@@ -77,12 +79,18 @@ class Recorder:
     def _go_on(self, resume: str | Path | bool) -> float | None:
         """Load a checkpoint; its time, if the history goes on with it."""
         if self.state is None:
-            raise InputError("Only a motion that is recorded in a folder can go on from a checkpoint.")
+            raise InputError("Only a run that is recorded in a folder can go on from a checkpoint.")
         file = checkpoint.last(self.state, self._comm) if isinstance(resume, bool) else Path(resume)
         if file is None:
             raise InputError(f"{str(self.folder)!r} holds no checkpoint to go on from; leave out --resume.")
         checkpoint.load(file, self._run, self._marks)
-        return float(self._run.time) if file.resolve().parent == self.state.resolve().parent else None
+        return self._at(self._run) if file.resolve().parent == self.state.resolve().parent else None
+
+    def _at(self, where: Any) -> float:
+        """Time of a step, or of the run, if it is a motion; else its number, for loads may come back."""
+        if not hasattr(self._run, "time"):
+            return float(where.number)
+        return float(where.load if isinstance(where, Step) else where.time)
 
     @property
     def state(self) -> Path | None:
@@ -103,8 +111,9 @@ class Recorder:
         )  # fmt: skip
         if self._fields is not None and step.number % self._every == 0:
             self.sheet.displacement()  # brings it up to date
-            at = step.load if self._run is not None else float(step.number)
-            self._fields.write(at, ", ".join(filter(None, (self._title, self._when(step)))), **cell_values(self.sheet))
+            self._fields.write(
+                self._at(step), ", ".join(filter(None, (self._title, self._when(step)))), **cell_values(self.sheet)
+            )
             self._numbers.append(step.number)
         return self.table.rows[-1]
 

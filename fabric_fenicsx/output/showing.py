@@ -10,7 +10,7 @@ import numpy as np
 from dolfinx import fem
 from ufl.core.expr import Expr
 
-from ..laws import Array, Law
+from ..laws import Array
 from ..shell.directors import ShellSpace
 from ..surfaces.meshing import Domain
 from ..surfaces.yarns import Yarns, surface_axes
@@ -66,13 +66,14 @@ class Showing:
     """Gives `sheet.Sheet` what is asked in `Shown`; of a law that is not linear, strain and stress last evaluated."""
 
     domain: Domain
-    law: Law
     thickness: float
     q: fem.Function
     u: Any
     strain: Expr
     shell: ShellSpace | None
     points: list[LawPoints]
+    linear: np.ndarray | None
+    """Of a linear law, stress or resultants from the strain; then there are no points."""
     warp: Sequence[float] | Expr
 
     def displacement(self) -> fem.Function:
@@ -93,9 +94,10 @@ class Showing:
 
     def cell_stress(self) -> Array:
         """Mean stress S11, S22, S12 of each local cell, in Pa; of a shell, through its thickness too."""
-        if not self.points:
-            return np.asarray(self.cell_strain()[:, :3] @ np.asarray(getattr(self.law, "stiffness")).T)  # noqa: B009
-        stress = self.points[0].stress[..., :3].mean(axis=1)
+        if self.linear is not None:
+            stress = self.cell_strain() @ self.linear[:3].T
+        else:
+            stress = self.points[0].stress[..., :3].mean(axis=1)
         return np.asarray(stress / (1.0 if self.shell is None else self.thickness))
 
     def cell_director(self) -> Array | None:

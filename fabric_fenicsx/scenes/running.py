@@ -6,11 +6,10 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import InputError
 from ..output import results
 from ..output.recording import Recorder
-from ..solvers import statics
 from ..solvers.continuation import Step
+from ..solvers.marching import March
 from ..terms import supports
 from .building import Built, build
 from .marks import marks
@@ -23,16 +22,14 @@ def run(scene: Scene, out: Path, progress: bool = True, resume: Path | bool | No
     The folder gets what `recording.Recorder` writes, with animation.gif where the scene asks for it. Raises InputError
     and StepFailed, on every rank. resume: as there.
     """
-    if resume and not scene.dynamic:
-        raise InputError(f"--resume goes on with a motion, and {scene.file} has [statics]; leave it out.")
     built = build(scene)
     cloth = built.cloth
-    steps, solver, motion = _start(built, progress)
+    steps, solver, going = _start(built, progress)
     held = {s.at: [supports.unknowns(cloth.domain, cloth.space, s.at, k) for k in range(3)] for s in scene.supports}
     everything = {at: supports.unknowns(cloth.domain, cloth.space, at) for at in held}
 
     def probes(step: Step) -> dict[str, float]:
-        row = {"time_s" if scene.dynamic else "load_part": step.load}
+        row = {"time_s": step.load} if scene.dynamic else {"step": step.number, "load_part": step.load}
         for probe in scene.probes:
             mean = supports.mean(cloth.domain, cloth.space, cloth.q, probe.at, probe.axis)
             row[f"{probe.name}_{AXES[probe.axis]}_m"] = mean
@@ -44,7 +41,7 @@ def run(scene: Scene, out: Path, progress: bool = True, resume: Path | bool | No
 
     with Recorder(
         cloth, out, probes, title=scene.title, when=_time if scene.dynamic else _load, colour=scene.colour,
-        view=scene.view, run=motion, marks=marks(built), resume=resume, film=scene.animation,
+        view=scene.view, run=going, marks=marks(built), resume=resume, film=scene.animation,
     ) as record:  # fmt: skip
         for step in steps:
             record(step)
@@ -60,7 +57,7 @@ def _load(step: Step) -> str:
 
 
 def _start(built: Built, progress: bool) -> tuple[Iterator[Step], Any, Any]:
-    """The steps to come, the solver that tells reactions, and a motion."""
+    """The steps to come, the solver that tells reactions, and what a checkpoint keeps of them."""
     scene, name = built.scene, built.scene.title if progress else None
     if scene.dynamic:
         motion, _ = built.cloth.newmark(
@@ -71,4 +68,5 @@ def _start(built: Built, progress: bool) -> tuple[Iterator[Step], Any, Any]:
     for turn in scene.turns:
         parts += [*np.linspace(last, turn, scene.steps + 1)[1:]]
         last = turn
-    return statics.march(solver, built.set_load, parts, smallest=scene.smallest, progress=name), solver, None
+    march = March(solver, built.set_load, parts, smallest=scene.smallest, progress=name)
+    return march.steps(), solver, march
