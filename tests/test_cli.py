@@ -233,6 +233,23 @@ def test_a_motion_whose_energies_do_not_balance_is_not_trusted(command, tmp_path
     assert (table["step_cuts"][0] > 0) == (step > 5)
 
 
+def test_a_run_that_has_ended_ends_again_and_another_one_forgets_it(command, tmp_path):
+    """--resume of a run that was stopped while it drew; a run from the start does not leave checkpoints of an older."""
+    path, out = scene(tmp_path, STATIC), tmp_path / "out"
+    assert command("run", path, "--out", out, "--quiet")[0] == 0
+    history = (out / "history.csv").read_text()
+    (out / "deformed.png").unlink()
+    status, said, _ = command("run", path, "--out", out, "--quiet", "--resume")
+    assert status == 0 and "4 steps" in said and (out / "history.csv").read_text() == history
+    look(out / "deformed.png")
+    assert (out / "checkpoint.before.npz").exists()
+    path.write_text(STATIC.replace("0.004", "0.003"))
+    assert command("run", path, "--out", out, "--quiet")[0] == 0
+    assert not (out / "checkpoint.before.npz").exists(), "that is of the older run"
+    path.write_text(STATIC + "[output]\ncheckpoint_s = -1\n")
+    assert "checkpoint_s = -1 is negative" in command("run", path, "--out", out)[2]
+
+
 def test_a_checkpoint_of_another_scene_is_refused_with_the_difference(command, tmp_path):
     """Whatever the answer depends on, in the scene, in the fabric's file and in the groups of the mesh."""
     (tmp_path / "cloth.toml").write_text(Path(fabrics.reading.__file__).with_name("blend.toml").read_text())

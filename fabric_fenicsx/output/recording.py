@@ -37,8 +37,8 @@ class Recorder:
             run that is kept by checkpoints the first of all is the time of a motion, else the number of the step.
         title: of pictures; when: of a step, what follows the title.
         colour: of pictures, of `series.LABELS`; view: from the sheet to the eye.
-        run: a motion, or a `marching.March`, to be kept by checkpoints; marks: what they must have been made with, see
-            `checkpoint.save`.
+        run: a motion, or a `marching.March`, to be kept by checkpoints each `save_s` seconds; marks: what they must
+            have been made with, see `checkpoint.save`.
         resume: a checkpoint to go on from; True for the last one in `folder` that can be read. If it lies in `folder`,
             history and fields go on, too: what is later than the checkpoint is dropped, for it comes again. Raises
             InputError, before anything is touched.
@@ -63,6 +63,7 @@ class Recorder:
         picture: int | None = -1,
         film: bool = False,
         every: int = 1,
+        save_s: float = checkpoint.EVERY,
     ) -> None:
         self.sheet, self.folder, self._probes = sheet, None if folder is None else Path(folder), probes
         self._title, self._when, self._colour, self._picture = title, when, colour, picture
@@ -70,6 +71,7 @@ class Recorder:
         u = sheet.displacement()
         self._comm: MPI.Comm = u.function_space.mesh.comm
         until = self._go_on(resume) if resume else None
+        self._save_s, self._goes_on = save_s, until is not None
         self.table = results.Table(self.folder and self.folder / "history.csv", self._comm, until=until)
         """A row for each step; of a run that goes on in its folder, those before, too."""
         self._fields = None if self.folder is None else Fields(self.folder, u, view=view, until=until)
@@ -99,12 +101,14 @@ class Recorder:
 
     def __enter__(self) -> "Recorder":
         if self.state is not None:
-            self._stack.enter_context(checkpoint.guard(self.state, self._run, self._marks))
+            self._stack.enter_context(checkpoint.guard(self.state, self._run, self._marks, self._save_s))
         return self
 
     def __call__(self, step: Step, **more: float) -> dict[str, Any]:
         """Record the present state, that after `step`; its row. more: columns after those of the probes."""
-        ledger = getattr(self._run, "ledger", None)
+        if self.state is not None and not self._goes_on:  # those of an earlier run would be gone on with
+            results.on_root(self._comm, self._forget)
+        self._goes_on, ledger = True, getattr(self._run, "ledger", None)
         self.table.row(
             **self._probes(step), **more, newton_iterations=step.newton_iterations, step_cuts=step.step_cuts,
             **(ledger.row() if ledger else {}), wall_s=step.wall_s,
@@ -121,9 +125,14 @@ class Recorder:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self._stack.__exit__(kind, error, trace)
-        if kind is not None or not self._numbers:
+        if kind is not None or not (self._numbers or self._goes_on):
             return
         results.on_root(self._comm, self._draw)
+
+    def _forget(self) -> None:
+        assert self.state is not None
+        for file in (self.state, checkpoint.before(self.state)):
+            file.unlink(missing_ok=True)
 
     def _draw(self) -> None:
         assert self.folder is not None

@@ -25,7 +25,7 @@ FREE = {
     "loads",
     "probes",
 }
-FREE |= {"turns", "steps", "smallest", "end", "step", "colour", "view", "animation"}
+FREE |= {"turns", "steps", "smallest", "end", "step", "colour", "view", "animation", "checkpoint"}
 """What a scene may say otherwise when it is gone on with, or is looked at in another way."""
 WORDS = ("name", "label", "material", "weave", "sources", "transverse_source")
 """Of a fabric, what is no number."""

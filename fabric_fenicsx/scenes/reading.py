@@ -55,6 +55,7 @@ Every key, with its default where it has one:
     colour = "yarn"                             # the strain in pictures: warp, weft, shear, or the larger yarn strain
     view = [1, -2, 1.2]                         # from the sheet to the eye
     animation = false
+    checkpoint_s = 60                           # seconds of the clock between two checkpoints, for --resume
 """
 
 from collections.abc import Mapping
@@ -153,6 +154,7 @@ class Scene:
     colour: str
     view: tuple[float, float, float]
     animation: bool
+    checkpoint: float
 
 
 def read(path: str | Path, *, trust: bool = False) -> Scene:
@@ -183,7 +185,10 @@ def read(path: str | Path, *, trust: bool = False) -> Scene:
     probes = tuple(_probe(table) for table in file.tables("probe"))
     _once(file.tables("probe"), [[(p.name, AXES[p.axis])] for p in probes], "names another probe along {1}", "name")
     output = file.table("output") if "output" in file.entries else Table(file.file, "output.", {})
-    output.expect("", "colour view animation")
+    output.expect("", "colour view animation checkpoint_s")
+    checkpoint = output.real("checkpoint_s", 60.0)
+    if checkpoint < 0.0:
+        output.refuse("checkpoint_s", "is negative", "give the seconds between two checkpoints, 0 for one a step")
     element = sheet.choice("element", tuple(ELEMENTS)) if "element" in sheet.entries else None
     view = output.numbers("view", 3) if "view" in output.entries else VIEW
     if not any(view):
@@ -221,6 +226,7 @@ def read(path: str | Path, *, trust: bool = False) -> Scene:
         colour=output.choice("colour", tuple(LABELS)),
         view=(view[0], view[1], view[2]),
         animation=output.yes("animation"),
+        checkpoint=checkpoint,
     )
 
 

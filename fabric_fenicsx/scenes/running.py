@@ -42,8 +42,10 @@ def run(scene: Scene, out: Path, progress: bool = True, resume: Path | bool | No
     with Recorder(
         cloth, out, probes, title=scene.title, when=_time if scene.dynamic else _load, colour=scene.colour,
         view=scene.view, run=going, marks=marks(built), resume=resume, film=scene.animation,
+        save_s=scene.checkpoint,
     ) as record:  # fmt: skip
-        for step in steps:
+        ended = going.time >= scene.end * (1 - 1e-12) if scene.dynamic else going.ended
+        for step in () if ended and record.table.rows else steps:
             record(step)
     return record.table
 

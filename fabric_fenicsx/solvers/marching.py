@@ -46,10 +46,15 @@ class March:
         """The last of the loads that was met."""
         return self._loads[self.number]
 
+    @property
+    def ended(self) -> bool:
+        """Whether all loads are done."""
+        return self.number + 1 == len(self._loads)
+
     def steps(self) -> Iterator[Step]:
         """A `Step` after each load. Stop early by leaving the loop."""
         solver = self._solver
-        if self.number + 1 >= len(self._loads):
+        if self.ended:
             raise InputError(f"The march has reached its last load, {self.load:g}: there is nothing to go on with.")
         held.require(solver, self._set_load, self.load, self._loads[self.number + 1])
         with progress_bar(len(self._loads) - 1 - self.number, self._progress, solver.comm) as bar:
