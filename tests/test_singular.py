@@ -81,16 +81,20 @@ def test_a_law_that_goes_wrong_cuts_the_step(fault, kinematics):
 
 
 @pytest.mark.parallel
-def test_a_slack_flat_membrane_that_is_pressed_is_told_so():
+@pytest.mark.parametrize("moved", [False, True], ids=["pressed", "pulled"])
+def test_a_slack_flat_membrane_that_is_pressed_is_told_so(moved):
     domain = meshing.read(STRIP, COMM, length=0.1, width=0.03, nx=6, ny=2)
     law = StVenantKirchhoff.isotropic(1e6, 0.3)
     cloth = sheet.Sheet(domain, law, 5e-4, kinematics="membrane")
-    p = fem.Constant(domain.mesh, 0.0)
-    bcs = [bc for end in ("fixed_end", "pulled_end") for bc in supports.hinge(domain, cloth.space, end)]
+    p, shift = fem.Constant(domain.mesh, 0.0), fem.Constant(domain.mesh, 0.0)
+    bcs = supports.hinge(domain, cloth.space, "fixed_end")
+    bcs += [
+        bc for k in (0, 1, 2) for bc in supports.lead(domain, cloth.space, "pulled_end", k, shift if k == 0 else 0.0)
+    ]
     solver = cloth.equilibrium(bcs, weakform.pressure(p, cloth.u, cloth.v, cloth.dx))
 
     def put(t):
-        p.value = t
+        p.value, shift.value = (0.0, 1e-3 * t) if moved else (t, 0.0)
 
     text, seen = sentence(solver, put)
     assert seen == [] and "Newton's method failed" in text

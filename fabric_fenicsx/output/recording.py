@@ -125,7 +125,7 @@ class Recorder:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self._stack.__exit__(kind, error, trace)
-        if kind is not None or not (self._numbers or self._goes_on):
+        if kind is not None or self.folder is None or not (self._numbers or self._goes_on):
             return
         results.on_root(self._comm, self._draw)
 

@@ -5,7 +5,7 @@ Every key, with its default where it has one:
     title = "a sheet hangs by its corners"      # of the pictures
 
     [mesh]
-    file = "../../meshes/drape.geo"             # beside this file; as `meshing.read` takes it
+    file = "drape.geo"                          # beside this file, or one of the package's; as `meshing.read` takes it
     numbers = { side = 1.0, n = 12 }            # of a .geo
     orient = false                              # turn cells so that neighbours face the same side
     scale = 1.0                                 # metres to a unit of the file: 0.001 for millimetres
@@ -14,7 +14,7 @@ Every key, with its default where it has one:
 
     [sheet]
     fabric = "blend"                            # a name, or a TOML file beside this one
-    law = "continuous"                          # printed, potential, svk (linear, the fabric's first moduli)
+    law = "potential"                           # continuous, printed, svk (linear, the fabric's first moduli)
     poisson = "measured"                        # lowered
     shear_hysteresis = true
     warp = [1, 0, 0]                            # a direction; or one for each group: { sleeve = [0, 0, 1] }
@@ -71,6 +71,7 @@ from ..laws.named import DEFAULT, NAMES
 from ..output.pictures import VIEW
 from ..output.series import LABELS
 from ..shell.directors import ELEMENTS
+from . import shipped
 from .sheet_reading import Vector, bending, warp
 
 AXES = ("x", "y", "z")
@@ -158,8 +159,11 @@ class Scene:
 
 
 def read(path: str | Path, *, trust: bool = False) -> Scene:
-    """Read a scene file. trust: whether its mesh may run programs. Raises InputError for a fault, which it names."""
-    path = Path(path)
+    """Read a scene file, or one of `shipped.names()`; trust: whether its mesh may run programs.
+
+    Raises InputError for a fault, which it names.
+    """
+    path = shipped.scene(path)
     file = entries.read(path, "a scene file", "the example of 'fabric-fenicsx run --keys'")
     file.expect("mesh sheet support", "title load statics dynamics probe output")
     mesh, sheet = file.table("mesh"), file.table("sheet")
@@ -196,7 +200,7 @@ def read(path: str | Path, *, trust: bool = False) -> Scene:
     return Scene(
         file=file.file,
         title=file.text("title") if "title" in file.entries else path.stem,
-        mesh=path.parent / mesh.text("file"),
+        mesh=shipped.mesh(path.parent, mesh.text("file")),
         numbers={key: numbers.number(key, value) for key, value in numbers.entries.items()},
         orient=mesh.yes("orient"),
         scale=mesh.positive("scale", 1.0),

@@ -191,8 +191,6 @@ class StaticSolver(Reactions):
         self._x.array_w[self._given] = self._targets[self._given]
         return int(far)
 
-    # -- the parts of Newton's method, also for one of another kind (`continuation`) -----------------------
-
     def begin(self) -> PETSc.Vec:
         """Forget the last solve; the unknowns at the present u."""
         self.residuals, self._fault, self._sound = [], None, True
@@ -270,6 +268,8 @@ class StaticSolver(Reactions):
         """What to raise when Newton's method has failed; restores. LawFailed, on every rank, if a law raised."""
         worst = max(self.comm.allgather(max(term.worst() for term in self.terms)))
         self.restore()
+        self._b = self._b.duplicate()  # PETSc leaves what a linear solver has stopped at locked
+        self.snes.setFunction(weak(self._residual), self._b)
         blame(self.comm, self._fault)
         return failed(reason, self.residuals, worst[1])
 
