@@ -1,6 +1,7 @@
 """The wheel in an environment of its own, away from the source: every verb of the command works."""
 
 import os
+import shutil
 import subprocess
 import sys
 import sysconfig
@@ -35,12 +36,24 @@ def command(tmp_path_factory):
     """Runs the command of a wheel; its packages are those of this environment, the project itself is not there."""
     folder = tmp_path_factory.mktemp("wheel")
     pip = [sys.executable, "-m", "pip", "--quiet", "--disable-pip-version-check"]
-    build = ["wheel", str(ROOT), "--no-deps", "--no-build-isolation", "-w", str(folder)]
+    shutil.copytree(ROOT / "fabric_fenicsx", folder / "source" / "fabric_fenicsx")  # a build leaves files behind
+    for name in ("pyproject.toml", "README.md", "LICENSE"):
+        shutil.copy(ROOT / name, folder / "source")
+    build = ["wheel", str(folder / "source"), "--no-deps", "--no-build-isolation", "-w", str(folder)]
     subprocess.run([*pip, *build], check=True, timeout=100)
     venv.create(folder / "env", with_pip=False)
     (libraries,) = (folder / "env" / "lib").glob("python*/site-packages")
     (wheel,) = folder.glob("*.whl")
-    install = [*pip, "--python", str(folder / "env"), "install", "--no-deps", "--no-index", str(wheel)]
+    install = [
+        *pip,
+        "--python",
+        str(folder / "env"),
+        "install",
+        "--force-reinstall",
+        "--no-deps",
+        "--no-index",
+        str(wheel),
+    ]
     subprocess.run(install, check=True, timeout=100)
     # a .pth in a folder that a .pth names is not read: an editable install is not seen
     (libraries / "others.pth").write_text(sysconfig.get_path("purelib"))
