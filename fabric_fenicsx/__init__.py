@@ -21,6 +21,7 @@ Rooms, in the order in which a scene goes through them, and their names; each ro
 - `shell.kinematics`: strains of a plane or curved sheet: `membrane_strain`, `quadratic_strain`, `area_vector`
 - `shell.directors`: that turn: `ShellSpace`, `ELEMENTS`
 - `shell.assumed_strain`: strains that do not lock: `shell_strains`
+- `material`: what a sheet is made of: `Material`
 - `sheet`: all of that put together, ready to be held and loaded, and its solvers: `Sheet`
 - `specimen`: the strip of a tensile test: `strip`
 - `terms.supports`: how it is held: `clamp`, `grip`, `symmetry`, `lead` and others; `over`, `interior`, `unknowns`,
@@ -51,8 +52,8 @@ the directors, `terms.kernels` the stiffness, `solvers.tangent` the matrix, `sol
 `entries` the TOML files, `compiling` the forms that are compiled once and kept,
 `files` and `output.gathering` what is written, `app.doctor` the command.
 
-The six demos `my_fabric`, `my_mesh`, `my_load`, `my_law`, `my_term` and `my_seam` are short, each ends in an exact
-check, and are meant to be copied and changed.
+The seven demos `my_fabric`, `my_materials`, `my_mesh`, `my_load`, `my_law`, `my_term` and `my_seam` are short, each
+ends in an exact check, and are meant to be copied and changed.
 
 # What it cannot do
 

@@ -1,19 +1,18 @@
-"""A sheet of one material on a surface mesh: kinematics, law and mass put together, ready for supports and loads."""
+"""A sheet on a surface mesh: kinematics, laws and masses put together, ready for supports and loads."""
 
-from collections.abc import Sequence
-from typing import Any
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any, Literal
 
 import numpy as np
 import ufl
-from mpi4py import MPI
 from dolfinx import fem
 from ufl.core.expr import Expr
 from ufl.form import Form
 
 from .errors import InputError
-from .laws import Law, checks
-from .laws.own_bending import OwnBending
-from .laws.section import Section
+from .laws import HasStiffness, Law
+from .material import Material, Patchwork
 from .output.showing import Showing
 from .shell import assumed_strain, directors, kinematics
 from .solvers import motion
@@ -46,109 +45,125 @@ class Sheet(Showing):
         load = weakform.pressure(p, cloth.u, cloth.v, cloth.dx)
         solver = cloth.equilibrium(supports.clamp(cloth.domain, cloth.space, "rim"), load)
 
-    thickness in m; law: see `laws.Law`; one that is linear and symmetric (it has `stiffness`) needs no hook.
-    shear: transverse shear moduli (G13, G23) in Pa, of a shell. warp: see `yarns.surface_axes`.
-    kinematics: "shell" or "membrane"; element: of a shell, see `directors.ELEMENTS`. reach: see
-    `weakform.shear_stiffness`. A shell bends as the law does in `layers` through the thickness, 3 unless told, see
-    `laws.section`; or by a law of its own, `bending`, see `laws.bending`.
+    Of several materials, each on a group of cells:
+
+        coat = Sheet(domain, {"panel": Material.of(blend), "lining": Material.of(muslin, warp=(0, 1, 0))})
+
+    Args:
+        domain: mesh and groups.
+        law: see `laws.Law`; one that is linear and symmetric (it has `stiffness`) needs no hook. Or materials by the
+            names of their groups, which cover every cell once; what follows up to `warp`, `layers` and `bending` is
+            then theirs.
+        thickness: m.
+        shear: transverse shear moduli (G13, G23) in Pa, of a shell.
+        warp: see `yarns.surface_axes`.
+        kinematics: "shell" or "membrane".
+        element: of a shell, see `directors.ELEMENTS`.
+        layers: through the thickness of a shell that bends as the law does, 3 unless told, see `laws.section`.
+        reach: see `weakform.shear_stiffness`.
+        bending: a bending law of its own instead of layers, see `laws.bending`.
 
     Raises InputError. Public: `domain`, `q` (unknown: displacement, or displacement and director), `test`,
     `u` and `v` (the displacement's part of both, for loads), `space` (for `supports`), `shell` (a ShellSpace or
-    None), `dx`, `strain`; `terms`, which a solver takes; `points`, the `LawPoints` of a law that is not linear;
-    `stored`, the form of the energy outside of laws; `velocity`.
+    None), `dx`, `strain`; `terms`, which a solver takes, and what is sewn on may be added to; `points`, the `LawPoints`
+    of laws that are not linear; `stored`, the form of the energy outside of laws; `velocity`; `materials`; `thickness`
+    and `areal_mass`, numbers or functions that are constant in each cell.
     """
 
     def __init__(
         self,
         domain: Domain,
-        law: Law,
-        thickness: float,
+        law: Law | Mapping[str, Material],
+        thickness: float | None = None,
         shear: tuple[float, float] | None = None,
-        warp: Sequence[float] | Expr = (1.0, 0.0, 0.0),
-        kinematics: str = "shell",
+        warp: Sequence[float] | Expr | None = None,
+        kinematics: Literal["shell", "membrane"] = "shell",
         element: str | None = None,
         layers: int | None = None,
         reach: float = weakform.SHEAR_REACH,
         bending: Law | None = None,
     ) -> None:
-        if bending is not None and (layers is not None or kinematics == "membrane"):
-            other = "a membrane, which does not bend" if kinematics == "membrane" else f"layers={layers}"
-            raise InputError(f"A bending law does not go with {other}; leave one of them out.")
         if kinematics not in ("shell", "membrane"):
             raise InputError(f"kinematics={kinematics!r} is neither 'shell' nor 'membrane'.")
-        if not (np.isfinite(thickness) and thickness > 0.0):
-            raise InputError(f"A thickness of {thickness!r} m is not a positive number.")
-        for given in (law, bending) if bending is not None else (law,):
-            _look_at(given, domain.mesh.comm)
-        self.domain, self.law, self.thickness = domain, law, float(thickness)
+        if not isinstance(law, Mapping):
+            h, w = math.nan if thickness is None else thickness, (1.0, 0.0, 0.0) if warp is None else warp
+            law = {"": Material(law=law, thickness=h, shear=shear, warp=w, layers=layers, bending=bending)}
+        elif any(given is not None for given in (thickness, shear, warp, layers, bending)):
+            raise InputError("Thickness, shear, warp, layers and bending are those of each material; leave them out.")
+        for name, material in law.items():
+            material.check(name, kinematics, domain.mesh.comm)
+        self.domain, self.materials, self._patches = domain, dict(law), Patchwork(domain, law)
+        self.law = next(iter(law.values())).law
+        self.thickness = self._patches.each({name: material.thickness for name, material in law.items()})
         self.stored = Form([])
         self.terms: list[Term] = []
         self.points: list[LawPoints] = []
         self.shell: directors.ShellSpace | None = None
         self._velocity: fem.Function | None = None
-        self.warp = warp
+        self.warp = self._patches.warp()
+        self.linear: list[tuple[np.ndarray | None, np.ndarray]] = []
         if kinematics == "membrane":
-            self._build_membrane(warp, element)
-        elif shear is None:
-            raise InputError("A shell needs two transverse shear moduli, shear=(G13, G23) in Pa.")
-        elif not all(np.isfinite(G) and G > 0.0 for G in shear):
-            raise InputError(f"The transverse shear moduli {shear!r} Pa are not two positive numbers.")
+            self._build_membrane(element)
         else:
-            through: Section | OwnBending
-            if bending is None:
-                through = Section(law, thickness, 3 if layers is None else layers)
-            else:
-                through = OwnBending(law, thickness, bending)
-            self._build_shell(warp, element, through, shear, reach)
+            self._build_shell(element, reach)
 
-    def _build_shell(
-        self,
-        warp: Sequence[float] | Expr,
-        element: str | None,
-        through: Section | OwnBending,
-        shear: tuple[float, float],
-        reach: float,
-    ) -> None:
-        mesh, h = self.domain.mesh, fem.Constant(self.domain.mesh, self.thickness)
+    def _build_shell(self, element: str | None, reach: float) -> None:
+        mesh, of, each = self.domain.mesh, self.materials, self._patches.each
         self.space = self.shell = space = directors.ShellSpace(mesh, element)
         self.q, self.test = space.function(), ufl.TestFunction(space.V)
         (self.u, self.director), (self.v, self.delta) = ufl.split(self.q), ufl.split(self.test)
         self.dx = space.dx
-        self.linear = linear = getattr(through, "stiffness", None)
-        limit = (h, reach, through.shear_limit(max(shear)), space.curvature())
-        variation = weakform.shear_variation(mesh, max(shear), *limit)
-        self.strain, across = assumed_strain.shell_strains(space, self.q, warp, variation)
-        across_stiffness = weakform.shear_stiffness(mesh, shear, *limit)
-        response: Law | Expr = through
-        if linear is not None:
-            response = fem.Constant(mesh, linear)
-            self.stored += weakform.stored(ufl.dot(response, self.strain), self.strain, 1.0, self.dx)
+        through = {name: material.through() for name, material in of.items()}
+        h = self.thickness if isinstance(self.thickness, Expr) else fem.Constant(mesh, self.thickness)
+        limits = each({name: material.shear_limit(through[name]) for name, material in of.items()})
+        limit = (h, reach, limits, space.curvature())
+        shear = [each({name: material.shear[k] for name, material in of.items()}) for k in (0, 1)]  # type: ignore[index]
+        most = each({name: max(material.shear or ()) for name, material in of.items()})
+        variation = weakform.shear_variation(mesh, most, *limit)
+        self.strain, across = assumed_strain.shell_strains(space, self.q, self.warp, variation)
+        across_stiffness = weakform.shear_stiffness(mesh, (shear[0], shear[1]), *limit)
         self.stored += weakform.stored(ufl.dot(across_stiffness, across), across, 1.0, space.dx_shear)
-        parts = [(self.strain, response, self.dx), (across, across_stiffness, space.dx_shear)]
-        work = InternalWork(space, self.q, parts)
-        self.terms, self.points = [work], work.points
+        for name, law in through.items():
+            response: Law | Expr = law
+            if isinstance(law, HasStiffness):
+                response, part = fem.Constant(mesh, law.stiffness), each({name: 1.0})
+                self.linear.append((self._patches.cells[name], law.stiffness))
+                self.stored += weakform.stored(ufl.dot(response, self.strain), self.strain, part, self.dx)
+            parts = [(self.strain, response, self.dx), (across, across_stiffness, space.dx_shear)]
+            work = InternalWork(space, self.q, parts, cells=self._patches.cells[name])
+            self.terms.append(work)
+            self.points += work.points
 
-    def _build_membrane(self, warp: Sequence[float] | Expr, element: str | None) -> None:
+    def _build_membrane(self, element: str | None) -> None:
         mesh = self.domain.mesh
         degree = 2 if mesh.basix_cell().name == "triangle" and element != "p1" else 1
         self.space = fem.functionspace(mesh, ("Lagrange", degree, (3,)))
         self.q, self.test = fem.Function(self.space), ufl.TestFunction(self.space)
         self.u, self.v = self.q, self.test
         self.dx = ufl.Measure("dx", mesh, metadata={"quadrature_degree": 2, "quadrature_scheme": "default"})
-        self.strain = kinematics.membrane_strain(self.u, yarns.surface_axes(mesh, warp, 2))
-        h = fem.Constant(mesh, self.thickness)
-        self.linear = linear = getattr(self.law, "stiffness", None)
-        if linear is None:
-            hook = LawHook(self.law, self.strain, mesh, 2, factor=self.thickness)
-            stress, dx, self.points = hook.stress, hook.dx, [hook.points]
-        else:
-            stress, dx = weakform.elastic_stress(mesh, linear, self.strain), self.dx
-            self.stored = weakform.stored(stress, self.strain, h, dx)
-        internal = weakform.internal(stress, self.strain, self.q, self.test, h, dx)
-        energy = self.stored if linear is not None else None
-        self.terms = [FormTerm(internal, self.q, energy=energy, symmetric=self.law.symmetric)]
+        self.strain = kinematics.membrane_strain(self.u, yarns.surface_axes(mesh, self.warp, 2))
+        for name, material in self.materials.items():
+            law, h, dx = material.law, fem.Constant(mesh, float(material.thickness)), self._patches.over(name, self.dx)
+            assert law is not None
+            energy, cells = None, self._patches.cells[name]
+            if isinstance(law, HasStiffness):
+                stress = weakform.elastic_stress(mesh, law.stiffness, self.strain)
+                energy = weakform.stored(stress, self.strain, h, dx)
+                self.stored += energy
+                self.linear.append((cells, law.stiffness))
+            else:
+                hook = LawHook(law, self.strain, mesh, 2, factor=material.thickness, cells=cells, dx=dx)
+                stress = hook.stress
+                self.points.append(hook.points)
+            internal = weakform.internal(stress, self.strain, self.q, self.test, h, dx)
+            self.terms.append(FormTerm(internal, self.q, energy=energy, symmetric=law.symmetric))
 
-    def mass(self, areal_mass: float, rotary: str = "thickness") -> Form:
+    @property
+    def areal_mass(self) -> Expr | float:
+        """Of the materials, kg/m2. Raises InputError for one that has none."""
+        return self._patches.areal_mass()
+
+    def mass(self, areal_mass: Expr | float, rotary: str = "thickness") -> Form:
         """Bilinear form of the mass for `motion.Motion`; areal mass in kg/m2.
 
         rotary: inertia of directors, a name in `ROTARY`: that of the thickness (5.75), that of a cell, or none (see
@@ -156,7 +171,7 @@ class Sheet(Showing):
         """
         if rotary not in ROTARY:
             raise InputError(f"rotary={rotary!r} is not one of {', '.join(ROTARY)}.")
-        if not (np.isfinite(areal_mass) and areal_mass > 0.0):
+        if not isinstance(areal_mass, Expr) and not (np.isfinite(areal_mass) and areal_mass > 0.0):
             raise InputError(f"An areal mass of {areal_mass!r} kg/m2 is not a positive number.")
         dx = ufl.Measure("dx", self.domain.mesh, metadata={"quadrature_degree": 4})
         trial = ufl.TrialFunction(self.q.function_space)
@@ -176,7 +191,7 @@ class Sheet(Showing):
             self._velocity = fem.Function(self.q.function_space, name="velocity")
         return self._velocity if self.shell is None else ufl.split(self._velocity)[0]
 
-    def weight(self, areal_mass: float, acceleration: Expr) -> Form:
+    def weight(self, areal_mass: Expr | float, acceleration: Expr) -> Form:
         """Virtual work of the weight; subtract it. Areal mass in kg/m2, acceleration a vector in m/s2."""
         return weakform.gravity(areal_mass, acceleration, self.v, self.dx)
 
@@ -197,7 +212,7 @@ class Sheet(Showing):
 
     def newmark(
         self,
-        areal_mass: float,
+        areal_mass: Expr | float,
         bcs: Sequence[fem.DirichletBC],
         loads: Form | int = 0,
         rho: float = 0.8,
@@ -216,7 +231,7 @@ class Sheet(Showing):
 
     def explicit(
         self,
-        areal_mass: float,
+        areal_mass: Expr | float,
         bcs: Sequence[fem.DirichletBC],
         loads: Form | int = 0,
         damping: float = 0.0,
@@ -229,7 +244,7 @@ class Sheet(Showing):
     def _in_motion(
         self,
         kind: Any,
-        areal_mass: float,
+        areal_mass: Expr | float,
         rotary: str,
         rule: dict[str, Any],
         bcs: Sequence[fem.DirichletBC],
@@ -243,15 +258,3 @@ class Sheet(Showing):
     def _residual(self, loads: Form | int) -> list[Form | Term]:
         """Terms of the sheet and of what loads it."""
         return [*self.terms, -loads] if isinstance(loads, Form) else [*self.terms]
-
-
-def _look_at(law: Law, comm: MPI.Comm) -> None:
-    """Raise InputError, on every rank, for a law that does not keep its promises on one of them."""
-    fault = None
-    try:
-        checks.glance(law)
-    except InputError as error:
-        fault = str(error)
-    fault = next((said for said in comm.allgather(fault) if said), None)
-    if fault is not None:
-        raise InputError(f"The law {type(law).__name__} cannot be used: {fault}")

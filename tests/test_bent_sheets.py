@@ -144,8 +144,8 @@ def scene(folder, more):
     ],
 )
 def test_how_a_scene_bends(tmp_path, more, bending, layers):
-    read = scene(tmp_path, more)
-    assert (read.bending, read.layers) == (bending, layers)
+    (material,) = scene(tmp_path, more).materials
+    assert (material.bending, material.layers) == (bending, layers)
 
 
 def test_a_scene_says_what_is_assumed(tmp_path):

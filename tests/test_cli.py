@@ -281,7 +281,8 @@ def test_a_checkpoint_of_another_scene_is_refused_with_the_difference(command, t
         assert old in text
         path.write_text(text.replace(old, new))
         said_now = scenes.read(path)
-        other = dataclasses.replace(built, scene=said_now, fabric=fabrics.load(said_now.fabric))
+        known = {"": fabrics.load(said_now.materials[0].fabric)}
+        other = dataclasses.replace(built, scene=said_now, fabrics=known)
         with pytest.raises(InputError, match=re.escape(said)):
             checkpoint.load(state, run, scenes.marks.marks(other))
     path.write_text(text)

@@ -10,6 +10,7 @@ demo, read, look, DEMOS = test_demos.demo, test_demos.read, test_demos.look, tes
 pytestmark = pytest.mark.filterwarnings("ignore:.*is beyond the measured")
 MINE = {
     "my_fabric": ["curves.png", "deformed.png"],
+    "my_materials": ["deformed.png"],
     "my_mesh": ["sleeve.png", "bag.png"],
     "my_load": ["deformed.png"],
     "my_law": ["deformed.png"],

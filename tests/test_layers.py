@@ -45,6 +45,7 @@ FLOORS = [
         ]
     },
     {"output": [{"results", "gathering", "showing"}, {"fields", "pictures"}, {"series"}, {"recording"}]},
+    {"material"},
     {"sheet"},
     {"specimen"},
     {"identify", "scenes"},

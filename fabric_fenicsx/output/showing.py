@@ -66,14 +66,15 @@ class Showing:
     """Gives `sheet.Sheet` what is asked in `Shown`; of a law that is not linear, strain and stress last evaluated."""
 
     domain: Domain
-    thickness: float
+    thickness: Expr | float
+    """m; a function that is constant in each cell, or a number."""
     q: fem.Function
     u: Any
     strain: Expr
     shell: ShellSpace | None
     points: list[LawPoints]
-    linear: np.ndarray | None
-    """Of a linear law, stress or resultants from the strain; then there are no points."""
+    linear: list[tuple[np.ndarray | None, np.ndarray]]
+    """Cells of each linear law (None: all), which has no points, and its stress or resultants from the strain."""
     warp: Sequence[float] | Expr
 
     def displacement(self) -> fem.Function:
@@ -86,19 +87,29 @@ class Showing:
 
     def cell_strain(self) -> Array:
         """Mean strain over each local cell, in the components of `strain`."""
-        if self.points:
-            return np.asarray(self.points[0].strain.mean(axis=1))
         cells = self.domain.mesh.topology.index_map(2)
-        everywhere = np.arange(cells.size_local + cells.num_ghosts, dtype=np.int32)
-        return np.asarray(self._strains.eval(self.domain.mesh, everywhere).mean(axis=1))
+        told = np.zeros(cells.size_local + cells.num_ghosts, dtype=bool)
+        strain = np.zeros((len(told), self.strain.ufl_shape[0]))
+        for points in self.points:
+            strain[points.cells], told[points.cells] = points.strain.mean(axis=1), True
+        others = np.flatnonzero(~told).astype(np.int32)
+        if len(others):
+            strain[others] = self._strains.eval(self.domain.mesh, others).mean(axis=1)
+        return strain
 
     def cell_stress(self) -> Array:
         """Mean stress S11, S22, S12 of each local cell, in Pa; of a shell, through its thickness too."""
-        if self.linear is not None:
-            stress = self.cell_strain() @ self.linear[:3].T
-        else:
-            stress = self.points[0].stress[..., :3].mean(axis=1)
-        return np.asarray(stress / (1.0 if self.shell is None else self.thickness))
+        strain = self.cell_strain()
+        stress = np.zeros((len(strain), 3))
+        for cells, stiffness in self.linear:
+            own = slice(None) if cells is None else cells
+            stress[own] = strain[own] @ stiffness[:3].T
+        for points in self.points:
+            stress[points.cells] = points.stress[..., :3].mean(axis=1)
+        h: Any = 1.0 if self.shell is None else self.thickness
+        if isinstance(h, fem.Function):
+            h = h.x.array[h.function_space.dofmap.list[:, :1]]
+        return np.asarray(stress / h)
 
     def cell_director(self) -> Array | None:
         """Mean director of each local cell, a unit vector; None of a membrane."""

@@ -8,15 +8,20 @@ import numpy as np
 import ufl
 from mpi4py import MPI
 from dolfinx import fem
+from ufl.core.expr import Expr
 from ufl.form import Form
 
 from .. import fabrics
 from ..errors import InputError
 from ..laws import named
+from ..laws.bending import Bending
+from ..laws.lay_up import LayUp, Ply
+from ..material import Material
 from ..sheet import Sheet
 from ..surfaces import meshing, yarns
 from ..terms import supports, weakform
 from .reading import Load, Scene, Support
+from .sheet_reading import Entry
 
 
 @dataclass
@@ -24,7 +29,8 @@ class Built:
     """A scene that is ready to be solved: add your own terms to `loads`, or conditions to `bcs`."""
 
     scene: Scene
-    fabric: fabrics.Fabric
+    fabrics: dict[str, fabrics.Fabric]
+    """Of each material; the plies of a lay-up have their numbers."""
     cloth: Sheet
     bcs: list[fem.DirichletBC]
     loads: Form | int
@@ -32,14 +38,13 @@ class Built:
     """Puts a load part (statics) or a time in s (dynamics) into supports and loads."""
 
     @property
-    def areal_mass(self) -> float:
+    def areal_mass(self) -> Expr | float:
         """kg/m2."""
-        return self.fabric.density * self.fabric.thickness
+        return self.cloth.areal_mass
 
 
 def build(scene: Scene, comm: MPI.Comm = MPI.COMM_WORLD) -> Built:
     """Read mesh and fabric, and make the sheet. Raises InputError, on every rank, for what does not fit together."""
-    fabric = fabrics.load(scene.fabric)
     domain = meshing.read(
         scene.mesh,
         comm,
@@ -54,16 +59,9 @@ def build(scene: Scene, comm: MPI.Comm = MPI.COMM_WORLD) -> Built:
         warnings.warn(
             f"The sheet of {scene.mesh.name} is of {domain.pieces} pieces, which no edge joins.", stacklevel=2
         )
-    law = named.law(scene.law, fabric, scene.poisson, scene.shear_hysteresis)
-    G = fabric.shear.modulus[0]
-    warp = scene.warp if isinstance(scene.warp, tuple) else yarns.patches(domain, scene.warp)
-    bending = named.bending(scene.bending, fabric)
-    if bending is not None and comm.rank == 0:
-        for what, why in bending.curves.assumed.items():
-            warnings.warn(f"{fabric.name}: {what} is assumed: {why}", stacklevel=2)
-    cloth = Sheet(
-        domain, law, fabric.thickness, (G, G), warp, scene.kinematics, scene.element, scene.layers, bending=bending
-    )
+    known: dict[str, fabrics.Fabric] = {}
+    made = {entry.at: _material(entry, domain, known) for entry in scene.materials}
+    cloth = Sheet(domain, made, kinematics=scene.kinematics, element=scene.element)  # type: ignore[arg-type]
     bcs, moves = [], []
     for support in scene.supports:
         conditions, move = _hold(cloth, support)
@@ -72,7 +70,7 @@ def build(scene: Scene, comm: MPI.Comm = MPI.COMM_WORLD) -> Built:
     loads: Form | int = 0
     for load in scene.loads:
         value = fem.Constant(domain.mesh, np.array(load.value) if len(load.value) > 1 else load.value[0])
-        loads += _work(cloth, load, value, fabric.density * fabric.thickness)
+        loads += _work(cloth, load, value)
         moves.append((load.path, _setter(value, np.array(load.value) if len(load.value) > 1 else load.value[0])))
     for probe in scene.probes:
         domain.dims(probe.at)
@@ -82,7 +80,37 @@ def build(scene: Scene, comm: MPI.Comm = MPI.COMM_WORLD) -> Built:
             move(share(path, t, smooth=scene.dynamic))
 
     set_load(0.0)
-    return Built(scene, fabric, cloth, bcs, loads, set_load)
+    return Built(scene, known, cloth, bcs, loads, set_load)
+
+
+def _material(entry: Entry, domain: meshing.Domain, known: dict[str, fabrics.Fabric]) -> Material:
+    """Of an entry, and its fabrics into `known`; what is assumed is said."""
+    warp = entry.warp if isinstance(entry.warp, tuple) else yarns.patches(domain, entry.warp)
+    if not entry.plies:
+        fabric = known[entry.at] = fabrics.load(entry.fabric)
+        material = Material.of(
+            fabric,
+            law=entry.law,
+            poisson=entry.poisson,
+            shear_hysteresis=entry.shear_hysteresis,
+            bending=entry.bending,
+            layers=entry.layers,
+            warp=warp,
+        )
+        if isinstance(material.bending, Bending) and domain.mesh.comm.rank == 0:
+            for what, why in material.bending.curves.assumed.items():
+                warnings.warn(f"{fabric.name}: {what} is assumed: {why}", stacklevel=3)
+        return material
+    own = [fabrics.load(ply.fabric) for ply in entry.plies]
+    known.update({f"{entry.at}, ply {k}": fabric for k, fabric in enumerate(own, 1)})
+    laws = [named.law(entry.law, fabric, entry.poisson, entry.shear_hysteresis) for fabric in own]
+    parts = zip(laws, own, entry.plies, strict=True)
+    plies = [Ply(law, fabric.thickness, ply.angle, entry.layers or 2) for law, fabric, ply in parts]
+    thickness = np.array([fabric.thickness for fabric in own])
+    # one after the other, plies give way across as springs do
+    G = float(thickness.sum() / (thickness / [fabric.shear.modulus[0] for fabric in own]).sum())
+    mass = sum(fabric.areal_mass for fabric in own)
+    return Material(section=LayUp(plies), shear=(G, G), warp=warp, areal_mass=mass)
 
 
 def share(path: Sequence[tuple[float, float]], t: float, smooth: bool) -> float:
@@ -129,7 +157,7 @@ def _hold(cloth: Sheet, support: Support) -> tuple[list[fem.DirichletBC], Callab
     return conditions, lambda part: move(part * shift, part * turn, support.about)
 
 
-def _work(cloth: Sheet, load: Load, value: fem.Constant, areal_mass: float) -> Form:
+def _work(cloth: Sheet, load: Load, value: fem.Constant) -> Form:
     """Virtual work of a load."""
     needed = {"point": (0, "points"), "edge": (1, "edges")}.get(load.kind, (2, "cells"))
     dx = cloth.dx
@@ -138,7 +166,7 @@ def _work(cloth: Sheet, load: Load, value: fem.Constant, areal_mass: float) -> F
             raise InputError(f"The load {load.kind!r} at {load.at!r} needs a group of {needed[1]}; name one.")
         dx = supports.over(cloth.domain, load.at, degree=2, dim=needed[0])
     if load.kind == "gravity":
-        return weakform.gravity(areal_mass, value, cloth.v, dx)
+        return weakform.gravity(cloth.areal_mass, value, cloth.v, dx)
     if load.kind == "pressure":
         return weakform.pressure(value, cloth.u, cloth.v, dx)
     if load.kind == "surface":

@@ -20,7 +20,7 @@ FREE = {
     "merge",
     "triangulate",
     "trust",
-    "fabric",
+    "materials",
     "supports",
     "loads",
     "probes",
@@ -43,9 +43,16 @@ def marks(built: Built) -> dict[str, str]:
         moves = any((*support.shift, *support.turn))
         named[f"support[{i}]"] = support if moves else replace(support, path=())  # which by default goes to the end
     named |= {f"load[{i}]": load for i, load in enumerate(scene.loads, 1)}
-    named |= {f"fabric.{f.name}": getattr(built.fabric, f.name) for f in fields(built.fabric) if f.name not in WORDS}
     groups = {support.at for support in scene.supports} | {load.at for load in scene.loads if load.at}
-    groups |= set(scene.warp) if isinstance(scene.warp, Mapping) else set()
+    for entry in scene.materials:
+        of = f"material {entry.at!r}." if entry.at else ""
+        said = ("at", "fabric", "plies")
+        named |= {f"{of}{f.name}": getattr(entry, f.name) for f in fields(entry) if f.name not in said}
+        named |= {f"{of}ply[{k}].angle": ply.angle for k, ply in enumerate(entry.plies, 1)}
+        groups |= {entry.at} - {""} | (set(entry.warp) if isinstance(entry.warp, Mapping) else set())
+    for at, fabric in built.fabrics.items():
+        of = f"fabric of {at}." if at else "fabric."
+        named |= {f"{of}{f.name}": getattr(fabric, f.name) for f in fields(fabric) if f.name not in WORDS}
     named |= {f"group {name!r}": group(built.cloth.domain, name) for name in sorted(groups)}
     return {name: str(value) for key, part in named.items() for name, value in _leaves(key, part)}
 

@@ -23,6 +23,12 @@ Every key, with its default where it has one:
     bending = "layers"                          # as the law does at so many heights; "own", the default without layers:
     layers = 3                                  # as the fabric's [bending] has it, else assumed, which is said
 
+    # [[sheet.material]]                        # or several, each with all of [sheet] but kinematics and element, and
+    # at = "lining"                             # on a group of cells; all groups together are the sheet
+    # [[sheet.material.ply]]                    # from the first side of the sheet on, instead of a material's fabric
+    # fabric = "muslin"
+    # angle_deg = 45                            # of its warp, from that of the material
+
     [[support]]                                 # as many as are needed
     at = "corners"                              # a named group of the mesh
     kind = "lead"                               # hinge; clamp; symmetry: axis; grip: shift_m, turn_deg, about_m
@@ -58,7 +64,6 @@ Every key, with its default where it has one:
     checkpoint_s = 60                           # seconds of the clock between two checkpoints, for --resume
 """
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
@@ -67,12 +72,11 @@ import numpy as np
 
 from .. import entries
 from ..entries import Table
-from ..laws.named import DEFAULT, NAMES
 from ..output.pictures import VIEW
 from ..output.series import LABELS
 from ..shell.directors import ELEMENTS
 from . import shipped
-from .sheet_reading import Vector, bending, warp
+from .sheet_reading import Entry, Vector, materials
 
 AXES = ("x", "y", "z")
 LOADS = {
@@ -132,15 +136,9 @@ class Scene:
     merge: float | None
     triangulate: bool
     trust: bool
-    fabric: str
-    law: str
-    poisson: str
-    shear_hysteresis: bool
-    warp: Vector | Mapping[str, Vector]
+    materials: tuple[Entry, ...]
     kinematics: str
     element: str | None
-    bending: str
-    layers: int | None
     supports: tuple[Support, ...]
     loads: tuple[Load, ...]
     probes: tuple[Probe, ...]
@@ -168,9 +166,8 @@ def read(path: str | Path, *, trust: bool = False) -> Scene:
     file.expect("mesh sheet support", "title load statics dynamics probe output")
     mesh, sheet = file.table("mesh"), file.table("sheet")
     mesh.expect("file", "numbers orient scale merge triangulate")
-    sheet.expect("fabric", "law poisson shear_hysteresis warp kinematics element bending layers")
+    made = materials(sheet, path.parent)
     numbers = mesh.table("numbers") if "numbers" in mesh.entries else Table(file.file, "mesh.numbers.", {})
-    fabric = sheet.text("fabric")
     dynamic = "dynamics" in file.entries
     if dynamic == ("statics" in file.entries):
         file.refuse("statics", "and dynamics: a scene has one of them", "keep [statics] or [dynamics]")
@@ -207,15 +204,9 @@ def read(path: str | Path, *, trust: bool = False) -> Scene:
         merge=mesh.positive("merge") if "merge" in mesh.entries else None,
         triangulate=mesh.yes("triangulate"),
         trust=trust,
-        fabric=str(path.parent / fabric) if fabric.endswith(".toml") else fabric,
-        law=sheet.choice("law", NAMES, DEFAULT),
-        poisson=sheet.choice("poisson", ("measured", "lowered")),
-        shear_hysteresis=sheet.yes("shear_hysteresis", True),
-        warp=warp(sheet),
+        materials=made,
         kinematics=sheet.choice("kinematics", ("shell", "membrane")),
         element=element,
-        bending=bending(sheet),
-        layers=sheet.count("layers", 3) if bending(sheet) == "layers" else None,
         supports=supports,
         loads=tuple(_load(table, dynamic) for table in file.tables("load")),
         probes=probes,

@@ -45,30 +45,44 @@ class LawHook:
         degree: of the quadrature rule, at least 1; always given, since an estimated one is far too high.
         factor: what the stress is multiplied by in the form, the thickness in m, or 1 for resultants; for the account
             of energies only.
+        cells: local cells that have this law, ascending; by default all.
+        dx: measure over those cells, whose rule is that of `degree`.
     """
 
-    def __init__(self, law: Law, strain: Expr, domain: mesh.Mesh, degree: int, *, factor: float = 1.0) -> None:
+    def __init__(
+        self,
+        law: Law,
+        strain: Expr,
+        domain: mesh.Mesh,
+        degree: int,
+        *,
+        factor: float = 1.0,
+        cells: np.ndarray | None = None,
+        dx: ufl.Measure | None = None,
+    ) -> None:
         if degree < 1:
             raise InputError(f"The quadrature degree of a law must be at least 1, not {degree}.")
         element = basix.ufl.quadrature_element(
             domain.basix_cell(), degree=degree, value_shape=strain.ufl_shape, scheme="default"
         )
         space = fem.functionspace(domain, element)
-        metadata = {"quadrature_degree": degree, "quadrature_scheme": "default"}
-        self.dx = ufl.Measure("dx", domain=domain, metadata=metadata)
+        self.dx = dx or ufl.Measure(
+            "dx", domain=domain, metadata={"quadrature_degree": degree, "quadrature_scheme": "default"}
+        )
         self.stress = FEMExternalOperator(strain, function_space=space, external_function=self, name="stress")
         self._operand, self._mesh, self._factor = (strain, space.element.interpolation_points), domain, factor
-        cells = domain.topology.index_map(domain.topology.dim)
-        everywhere = np.arange(cells.size_local + cells.num_ghosts, dtype=np.int32)
+        every = domain.topology.index_map(domain.topology.dim)
+        everywhere = np.arange(every.size_local + every.num_ghosts, dtype=np.int32)
         shape = len(space.element.interpolation_points), strain.ufl_shape[0]
+        self._shape, self._some = (len(everywhere), *shape), cells
         self.points = LawPoints(
             law,
             domain,
-            everywhere,
+            everywhere if cells is None else cells,
             shape,
             self._measure,
             weights=self._weights,
-            stress=self.stress.ref_coefficient.x.array,
+            stress=self.stress.ref_coefficient.x.array if cells is None else None,
         )
         self._copies: list[fem.Function] = []
 
@@ -81,7 +95,7 @@ class LawHook:
                 "The Jacobian does not hold the tangent of a law: its stress is not in the residual, or UFL lost it."
             )
         tangents = [op.ref_coefficient for op in found]
-        if not self._copies:
+        if not self._copies and self._some is None:
             self.points.tangent = tangents[0].x.array.reshape(*self.points.strain.shape, self.points.strain.shape[-1])
         self._copies += tangents
 
@@ -97,11 +111,17 @@ class LawHook:
         element = basix.ufl.quadrature_element(self._mesh.basix_cell(), degree=degree, scheme="default")
         test = ufl.TestFunction(fem.functionspace(self._mesh, element))
         weights = fem.assemble_vector(fem.form(self._factor * test * self.dx)).array
-        return weights.reshape(self.points.strain.shape[:2])[: self.points.owned].copy()
+        return weights.reshape(self._shape[:2])[self.points.cells[: self.points.owned]]
 
     def evaluate(self, tangent: bool = True, stiffest: bool = False) -> bool:
         """See `LawPoints.evaluate`; fills the coefficients of the forms."""
         good = self.points.evaluate(tangent, stiffest)
+        if self._some is not None:
+            self.stress.ref_coefficient.x.array.reshape(self._shape)[self._some] = self.points.stress
+            if tangent:
+                for copy in self._copies:
+                    copy.x.array.reshape(*self._shape, self._shape[-1])[self._some] = self.points.tangent
+            return good
         for copy in self._copies[1:]:
             copy.x.array[:] = self._copies[0].x.array
         return good

@@ -149,10 +149,10 @@ mesh is 1 to 2 % stiff), first three loads: 8.4, 0.2, -0.8 % without; 5.7, -1.3,
 
 def shear_stiffness(
     domain: mesh.Mesh,
-    moduli: tuple[float, float],
+    moduli: tuple[Expr | float, Expr | float],
     thickness: Expr | float,
     reach: float = SHEAR_REACH,
-    bending: float | None = None,
+    bending: Expr | float | None = None,
     curvature: Expr | None = None,
 ) -> Expr:
     """Transverse shear stiffness (2, 2) in N/m, 5/6 h (G13, G23) of (6.30), limited on thin shells.
@@ -170,10 +170,10 @@ def shear_stiffness(
 
 def shear_variation(
     domain: mesh.Mesh,
-    modulus: float,
+    modulus: Expr | float,
     thickness: Expr | float,
     reach: float = SHEAR_REACH,
-    bending: float | None = None,
+    bending: Expr | float | None = None,
     curvature: Expr | None = None,
 ) -> Expr | float:
     """By what the part of the shear strain that varies within a triangle counts more than its mean; 1 if flat.
@@ -191,15 +191,15 @@ def shear_variation(
 
 def _limit(
     domain: mesh.Mesh,
-    modulus: float,
+    modulus: Expr | float,
     h: Expr | float,
     reach: float,
-    bending: float | None,
+    bending: Expr | float | None,
     curvature: Expr | None,
 ) -> tuple[Expr, Expr | float]:
     """c A G/(B h^2) of a cell, less where it is curved and not wide, and how much less, from 0 to 1."""
     area = _cell_area(domain.ufl_domain())
-    wide = area * (modulus / bending if bending else 1.0) / h**2
+    wide = area * (1.0 if bending is None else modulus / bending) / h**2
     if curvature is None:
         return reach * wide, 0.0
     bent = area * curvature / h

@@ -64,7 +64,7 @@ class InternalWork(Term):
         every = space.mesh.topology.index_map(2)
         if cells is None:
             cells = np.arange(every.size_local + every.num_ghosts, dtype=np.int32)
-        self._cells, self._space = cells, space
+        self._cells, self._space, self._whole = cells, space, len(cells) == every.size_local + every.num_ghosts
         self._owned = int(np.searchsorted(cells, every.size_local))
         self._dofs = space.V.dofmap.list[cells]
         shell = _Shell(space, q, cells, self._dofs, space.normal.function_space.dofmap.list[cells])
@@ -75,13 +75,16 @@ class InternalWork(Term):
 
     @cached_property
     def form(self) -> Form:
-        """Virtual work of the stress, in UFL; a law has a hook of its own there. Of all cells of the mesh."""
-        result, test = Form([]), ufl.TestFunction(self._space.V)
-        for strain, response, dx in self.parts:
+        """Virtual work of the stress, in UFL; a law has a hook of its own there."""
+        result, test, mesh = Form([]), ufl.TestFunction(self._space.V), self._space.mesh
+        own = [(k, self._cells[: self._owned]) for k in range(len(self.parts))]  # a kernel each: see `ShellSpace`
+        for k, (strain, response, rule) in enumerate(self.parts):
+            dx = rule if self._whole else rule(subdomain_data=own, subdomain_id=k)
             if isinstance(response, Expr):
                 stress = ufl.dot(response, strain)
             else:
-                stress = LawHook(response, strain, self._space.mesh, dx.metadata()["quadrature_degree"]).stress
+                degree = dx.metadata()["quadrature_degree"]
+                stress = LawHook(response, strain, mesh, degree, cells=self._cells, dx=dx).stress
             result += weakform.internal(stress, strain, self.q, test, 1.0, dx)
         return result
 
