@@ -19,13 +19,13 @@ Rooms, in the order in which a scene goes through them, and their names; each ro
 - `surfaces.meshing`: a surface whose parts are found by name: `read`, `from_gmsh`, `Domain`
 - `surfaces.yarns`: warp and weft: `plane_axes`, `surface_axes`, `patches`, `Yarns`
 - `shell.kinematics`: strains of a plane or curved sheet: `membrane_strain`, `quadratic_strain`, `area_vector`
-- `shell.directors`: that turn: `ShellSpace`, `ELEMENTS`
+- `shell.directors`: that turn: `ShellSpace`, `ELEMENTS`; `shell.bodies`: nodes that move as one: `Body`
 - `shell.assumed_strain`: strains that do not lock: `shell_strains`
 - `material`: what a sheet is made of: `Material`
 - `sheet`: all of that put together, ready to be held and loaded, and its solvers: `Sheet`
 - `specimen`: the strip of a tensile test: `strip`
-- `terms.supports`: how it is held: `clamp`, `grip`, `symmetry`, `lead` and others; `over`, `interior`, `unknowns`,
-  `places`, `mean`
+- `terms.supports`: how it is held: `clamp`, `grip`, `rigid`, `symmetry`, `lead` and others; `over`, `interior`,
+  `unknowns`, `places`, `mean`
 - `terms.weakform`: terms of a weak form: `internal`, `gravity`, `pressure`, `traction`, `point_force` and others
 - `terms.hook`: a law as an operand of UFL forms: `LawHook`
 - `terms.term`: what a residual is a sum of: `Term`; `terms.form`: a UFL form as one: `FormTerm`, `from_energy`

@@ -31,7 +31,7 @@ FLOORS = [
             {"yarns"},
         ]
     },
-    {"shell": [{"kinematics", "rotation", "dirichlet"}, {"directors"}, {"assumed_strain"}]},
+    {"shell": [{"rotation", "dirichlet", "bodies"}, {"kinematics"}, {"directors"}, {"assumed_strain"}]},
     {"terms": [{"supports", "term", "points", "weakform", "kernels"}, {"hook"}, {"work", "form"}]},
     {
         "solvers": [

@@ -17,13 +17,14 @@ import basix.ufl
 import numpy as np
 import ufl
 from mpi4py import MPI
-from dolfinx import fem, la, mesh
+from dolfinx import fem, mesh
 from petsc4py import PETSc
 from ufl.core.expr import Expr
 
 from ..errors import InputError
 from ..laws import Array
-from . import rotation
+from . import kinematics, rotation
+from .bodies import Body
 from .dirichlet import check, put
 
 ELEMENTS = {
@@ -102,11 +103,16 @@ class ShellSpace:
         directors, in_v = self.V.sub(1).collapse()
         self.normal = fem.Function(directors, name="normal")
         self._in_v = in_v[0]
-        self._start = self._normals()
+        normals = kinematics.normals(directors)
+        self.normal.x.array[:] = normals.ravel()
+        self._start = normals[np.argsort(self._in_v[::3])]
         self.frame = rotation.frames(self._start)
         """(e1, e2, d0) of each node at the last commit, (nodes, 3, 3)."""
+        self._d = self._start
         self._angles = np.zeros((len(self.nodes), 2))
         self._derivative = np.empty((len(self.nodes), 2, 3))
+        self.bodies: list[Body] = []
+        """What moves as one, see `join`."""
         self._map = self._transformation()
         self.moves: list[Callable[[], None]] = []
         """Called when the reference directors have been laid into planes of symmetry: what is led starts from them."""
@@ -117,6 +123,22 @@ class ShellSpace:
         q.x.array[self.nodes] = self._start
         return q
 
+    def join(self, name: str, nodes: np.ndarray, places: Array, rows: np.ndarray) -> Body:
+        """Let nodes move as one rigid body; to be called before a solver is made, on every rank.
+
+        nodes: local unknowns (n, 3) in V of displacements, and their places; rows: of directors. Raises InputError.
+        """
+        if hasattr(self, "_led"):
+            raise InputError(f"The group {name!r} becomes rigid too late: say so before a solver is made.")
+        moves, W = self._u[np.searchsorted(self._u[:, 0], nodes), 1], self.W.dofmap.index_map
+        own = rows, nodes, self.nodes[rows], places, moves, self._theta[rows]
+        self.bodies.append(Body(name, self.mesh.comm, self.V.dofmap.index_map, W, *own))
+        every = np.concatenate([body.nodes[:, 0] for body in self.bodies])
+        if self.mesh.comm.allreduce(len(np.unique(every)) < len(every)):
+            raise InputError(f"The group {name!r} has nodes of another rigid body.")
+        self._map = self._transformation()
+        return self.bodies[-1]
+
     def curvature(self) -> Expr | None:
         """Size of the curvature at rest, 1/m, where the element's transverse shear asks for it: on curved triangles."""
         gradient = ufl.grad(self.normal)
@@ -126,51 +148,38 @@ class ShellSpace:
         flat = self.mesh.comm.allreduce(float(size)) < 1e-16
         return None if flat else ufl.sqrt(ufl.inner(gradient, gradient))
 
-    def _normals(self) -> Array:
-        """Unit normals at the director nodes (nodes, 3), the mean over the cells that share one."""
-        space = self.normal.function_space
-        points = space.element.interpolation_points
-        rule = {"quadrature_rule": "custom", "quadrature_points": points, "quadrature_weights": np.ones(len(points))}
-        # at its own node a basis function is 1, and at the others 0
-        n = ufl.inner(ufl.CellNormal(self.mesh), ufl.TestFunction(space)) / ufl.JacobianDeterminant(self.mesh)
-        sums = fem.assemble_vector(fem.form(n * ufl.dx(metadata=rule | {"quadrature_degree": 1})))
-        sums.scatter_reverse(la.InsertMode.add)
-        sums.scatter_forward()
-        sums = sums.array.reshape(-1, 3)
-        # two cells of opposite orientation cancel out
-        opposed = (np.linalg.norm(sums, axis=1) < 1e-3).any()
-        if self.mesh.comm.allreduce(bool(opposed), MPI.LOR):
-            raise InputError("The normals of neighbouring cells are opposite: orient all cells of the sheet alike.")
-        self.normal.x.array[:] = rotation.unit(sums).ravel()
-        values = fem.Function(self.V).x.array
-        values[self._in_v] = self.normal.x.array
-        return values[self.nodes]
-
     def _transformation(self) -> PETSc.Mat:
         """The matrix d(u, d)/d(u, theta), V rows by W columns; `turn` fills in the directors' part."""
         matrix = PETSc.Mat().create(self.mesh.comm)
         maps = [space.dofmap.index_map for space in (self.V, self.W)]
         matrix.setSizes([[m.size_local, m.size_global] for m in maps])
         matrix.setType(PETSc.Mat.Type.AIJ)
-        matrix.setPreallocationNNZ((2, 0))
+        matrix.setPreallocationNNZ((8, 6) if self.bodies else (2, 0))
         indices = [m.local_to_global(np.arange(m.size_local + m.num_ghosts, dtype=np.int32)) for m in maps]
         matrix.setLGMap(*(PETSc.LGMap().create(i.astype(PETSc.IntType), comm=self.mesh.comm) for i in indices))
         owned = self._u[self._u[:, 0] < maps[0].size_local].astype(PETSc.IntType)
-        matrix.setValuesLocalRCV(owned[:, :1], owned[:, 1:], np.ones((len(owned), 1)))
+        joined = np.concatenate([np.empty(0), *(body.nodes.ravel() for body in self.bodies)])
+        matrix.setValuesLocalRCV(owned[:, :1], owned[:, 1:], 1.0 - np.isin(owned[:, :1], joined))
         rows = self.nodes[self._owned].reshape(-1, 1).astype(PETSc.IntType)
         self._rows, self._columns = rows, np.repeat(self._theta[self._owned], 3, axis=0).astype(PETSc.IntType)
         matrix.setValuesLocalRCV(self._rows, self._columns, np.zeros(self._columns.shape))
+        for body in self.bodies:
+            matrix.setValuesRCV(*body.pattern, np.zeros(body.pattern[1].shape))
         matrix.assemble()
         return matrix
 
     def axes(self) -> tuple[Array, Array]:
-        """e1 and d0 of each node's frame, as local arrays of V with zeros elsewhere."""
+        """e1 and d0 of each node's frame, as local arrays of V, with displacements of bodies, and zeros elsewhere."""
         values = np.zeros((2, len(self.function().x.array)))
         values[0][self.nodes], values[1][self.nodes] = self.frame[:, 0], self.frame[:, 2]
+        for body in self.bodies:
+            values[1][body.nodes] = body.moved
         return values[0], values[1]
 
     def set_axes(self, e1: Array, d0: Array) -> None:
         """Lay the frames along these, as `axes` gives them."""
+        for body in self.bodies:
+            body.settle(d0)
         e1, d0 = e1[self.nodes], d0[self.nodes]
         self.frame = np.stack([e1, np.cross(d0, e1), d0], axis=1)
 
@@ -178,12 +187,16 @@ class ShellSpace:
         """The local array of W that has the displacements of q, and no angles."""
         values = np.zeros(2 * len(self._theta) + len(self._u))
         values[self._u[:, 1]] = q[self._u[:, 0]]
+        for body in self.bodies:
+            body.rest(q, values)
         return values
 
     def rate(self, v: Array) -> Array:
         """A velocity v of (u, d), at the directors of the last commit, as a local array of W."""
         values = self.at_rest(v)
         values[self._theta] = np.einsum("nj,naj->na", v[self.nodes], self.frame[:, :2])
+        for body in self.bodies:
+            body.put(np.concatenate(body.rates(v, body.arms, self.frame[body.rows, 2])), values)
         return values
 
     # -- what a solver asks for --------------------------------------------------------------------------
@@ -193,9 +206,14 @@ class ShellSpace:
         q.x.array[self._u[:, 0]] = y.x.array[self._u[:, 1]]
         self._angles = y.x.array[self._theta]
         d, self._derivative = rotation.turned(self.frame, self._angles)
-        q.x.array[self.nodes] = d
+        for body in self.bodies:
+            d[body.rows] = body.move(y.x.array, q.x.array, self.frame[body.rows, 2])
+            self._derivative[body.rows] = 0.0
+        self._q, self._d, q.x.array[self.nodes] = q, d, d
         values = self._derivative[self._owned].transpose(0, 2, 1).reshape(-1, 2)
         self._map.setValuesLocalRCV(self._rows, self._columns, np.ascontiguousarray(values))
+        for body in self.bodies:
+            self._map.setValuesRCV(*body.pattern, body.entries)
         self._map.assemble()
         return self._map
 
@@ -205,6 +223,10 @@ class ShellSpace:
         force: residual in V, at the last `turn`.
         """
         r = force.array_r[self.nodes[self._owned]]
+        for body in self.bodies:
+            r[body.rows[body.owned[1]]] = 0.0
+            bent = body.curvature(force.array_r, self.frame[body.rows, 2])
+            matrix.setValues(body.columns[3:], body.columns[3:], bent, addv=True)
         second = rotation.second(self.frame[self._owned], self._angles[self._owned], r)
         nodes = self.W.dofmap.index_map.local_to_global(self._theta[self._owned].astype(np.int32).ravel())
         nodes = nodes.astype(PETSc.IntType).reshape(-1, 2)
@@ -215,8 +237,11 @@ class ShellSpace:
 
     def commit(self, y: fem.Function) -> None:
         """Make the turned directors the new start; the angles of y become zero."""
-        self.frame = rotation.carried(self.frame, rotation.turned(self.frame, self._angles)[0])
+        self.frame = rotation.carried(self.frame, self._d)
         y.x.array[self._theta] = 0.0
+        for body in self.bodies:
+            body.settle(self._q.x.array)
+            body.rest(self._q.x.array, y.x.array)
 
     def supports(self, bcs: Sequence[fem.DirichletBC]) -> np.ndarray:
         """The owned unknowns of W that these conditions on V give, in any order; `targets` tells their values.
@@ -237,6 +262,8 @@ class ShellSpace:
             led |= whole
             across |= given[self.nodes] & ~whole[:, None]
             every |= given
+        for body in self.bodies:
+            body.check(every)
         planes = across.sum(axis=1)
         partly = np.flatnonzero(planes)
         d = self.frame[partly, 2]
@@ -254,6 +281,7 @@ class ShellSpace:
         self._led = np.flatnonzero(led)
         moved, turned = self._u[every[self._u[:, 0]], 1], self._theta
         fixed = np.concatenate([moved, turned[led | (planes > 1)].ravel(), turned[planes == 1, 0]])
+        fixed = np.concatenate([fixed, *(body.slaves for body in self.bodies)])
         return np.unique(fixed[fixed < self.W.dofmap.index_map.size_local]).astype(np.int32)
 
     def targets(self, bcs: Sequence[fem.DirichletBC], y: fem.Function) -> Array:

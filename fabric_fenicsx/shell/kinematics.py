@@ -12,9 +12,15 @@ not change when the sheet turns as a whole, however far. They are packed as (E11
 strain is work.
 """
 
+import numpy as np
 import ufl
-from dolfinx import mesh
+from mpi4py import MPI
+from dolfinx import fem, la, mesh
 from ufl.core.expr import Expr
+
+from ..errors import InputError
+from ..laws import Array
+from .rotation import unit
 
 
 def membrane_strain(u: Expr, axes: tuple[Expr, Expr]) -> Expr:
@@ -89,3 +95,22 @@ def area_vector(u: Expr, domain: mesh.Mesh) -> Expr:
     J = ufl.Jacobian(domain)
     x1, x2 = (J[:, i] + ufl.dot(ufl.grad(u), J[:, i]) for i in (0, 1))
     return ufl.cross(x1, x2) / ufl.JacobianDeterminant(domain)
+
+
+def normals(space: fem.FunctionSpace) -> Array:
+    """Unit normals at the nodes (nodes, 3) of a space of vectors at rest, the mean over the cells that share one.
+
+    Raises InputError, on every rank, for neighbouring cells of opposite orientation.
+    """
+    domain, points = space.mesh, space.element.interpolation_points
+    rule = {"quadrature_rule": "custom", "quadrature_points": points, "quadrature_weights": np.ones(len(points))}
+    # at its own node a basis function is 1, and at the others 0
+    n = ufl.inner(ufl.CellNormal(domain), ufl.TestFunction(space)) / ufl.JacobianDeterminant(domain)
+    sums = fem.assemble_vector(fem.form(n * ufl.dx(metadata=rule | {"quadrature_degree": 1})))
+    sums.scatter_reverse(la.InsertMode.add)
+    sums.scatter_forward()
+    found = sums.array.reshape(-1, 3)
+    # two cells of opposite orientation cancel out
+    if domain.comm.allreduce(bool((np.linalg.norm(found, axis=1) < 1e-3).any()), MPI.LOR):
+        raise InputError("The normals of neighbouring cells are opposite: orient all cells of the sheet alike.")
+    return unit(found)

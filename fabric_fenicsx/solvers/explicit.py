@@ -52,6 +52,8 @@ class CentralDifference(Stepper):
         super().__init__(motion, residual, bcs, set_load, start)
         self.q, self.V = motion.q, motion.q.function_space
         if motion.space is not None:
+            if motion.space.bodies:
+                raise InputError("An explicit motion has no rigid bodies: use `newmark`.")
             start = motion.space.function().x.array
             motion.space.supports(bcs)
             self.q.x.array[:] += motion.space.function().x.array - start

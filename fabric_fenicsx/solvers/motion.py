@@ -91,7 +91,7 @@ class Motion:
         self.shift = 0.0
         """Derivative of the stage acceleration by q, 1/s2."""
         self.dt = 0.0
-        self._force = fempetsc.create_vector(V)
+        self._force, self._rates = fempetsc.create_vector(V), fem.Function(V)
 
     def lump(self) -> Array:
         """Lumped mass of each local unknown: the diagonal of the mass matrix, scaled to keep its total.
@@ -139,6 +139,11 @@ class Motion:
         self.mass.mult(rates.x.petsc_vec, self._force)
         return self._force
 
+    def _weigh(self, rates: Array) -> Array:
+        """Mass times a local array, on this rank's own unknowns."""
+        self._rates.x.array[:] = rates
+        return np.array(self.by_mass(self._rates).array_r)
+
     def settle(self) -> None:
         """The step to the present q is solved: lay the motion of directors on their sphere."""
         self.lay_on_sphere(self.velocity.x.array, self._a1)
@@ -181,9 +186,14 @@ class Motion:
         return 0.5 * float(self.q.function_space.mesh.comm.allreduce(total))
 
     def lay_on_sphere(self, v: Array, a: Array) -> None:
-        """Take from the velocity of directors what is along d, and give them the acceleration -|d'|^2 along it."""
+        """Take from the velocity of directors what is along d, and give them the acceleration -|d'|^2 along it.
+
+        Rigid bodies first get a motion that is theirs.
+        """
         if self.space is None:
             return
+        for body in self.space.bodies:
+            body.lay(self.q.x.array, v, a, self._weigh)
         dofs = self.space.nodes
         d, w, b = self.q.x.array[dofs], v[dofs], a[dofs]
         w -= (w * d).sum(axis=1, keepdims=True) * d

@@ -13,6 +13,7 @@ from dolfinx import fem, mesh
 
 from ..errors import InputError
 from ..shell import dirichlet
+from ..shell.bodies import Body
 from ..shell.directors import ShellSpace
 from ..surfaces.meshing import Domain
 
@@ -136,6 +137,20 @@ def grip(domain: Domain, space: ShellSpace, name: str) -> tuple[Conditions, Move
     parts = [(part, _at(domain, name, (part, value.function_space)), value) for part, value in
              ((space.V.sub(0), u), (space.V.sub(1), d))]  # fmt: skip
     return [fem.dirichletbc(value, dofs, part) for part, dofs, value in parts], move
+
+
+def rigid(domain: Domain, space: ShellSpace, name: str) -> Body:
+    """Displacements and directors of a group move as one rigid body, with six unknowns, under whatever loads it.
+
+    Loads of the group act on the body by their sum and their moment, such as `weakform.traction` and
+    `weakform.edge_moment`. To be called on every rank before a solver is made; nothing else may hold the group. Raises
+    InputError.
+    """
+    part, dofs = space.V.sub(0).collapse()
+    nodes = np.array(dofs, dtype=np.int64).reshape(-1, 3)
+    mine = np.isin(nodes[:, 0], _at(domain, name, space.V.sub(0).sub(0)))
+    rows = np.flatnonzero(np.isin(space.nodes[:, 0], _at(domain, name, space.V.sub(1).sub(0))))
+    return space.join(name, nodes[mine], part.tabulate_dof_coordinates()[mine], rows)
 
 
 def _displacement(space: Space) -> fem.FunctionSpace:

@@ -12,6 +12,7 @@ import ufl
 from dolfinx import fem, mesh
 from ufl.core.expr import Expr
 from ufl.form import Form
+from ufl.geometry import FacetJacobian
 
 from ..shell import kinematics
 
@@ -122,6 +123,19 @@ def edge_moment(moment: Expr, d: Expr, delta: Expr, ds: ufl.Measure) -> Form:
     the middles of edges.
     """
     return ufl.inner(moment, ufl.cross(d, delta)) * ds
+
+
+def drilling_moment(moment: Expr, u: Expr, v: Expr, d: Expr, delta: Expr, ds: ufl.Measure) -> Form:
+    """What `edge_moment` leaves out, on an edge that turns in the surface as a rigid one does; subtract it.
+
+    The edge goes along t, of which b is the part across d. When both turn by w, delta is w x d, the test function's
+    part of b w x b, and d x b . w x b is b^2 d . w: with `edge_moment` the whole work of a dead moment is m . w.
+    """
+    along = FacetJacobian(ds.ufl_domain())[:, 0]
+    t, change, square = along + ufl.dot(ufl.grad(u), along), ufl.dot(ufl.grad(v), along), ufl.dot(d, d)
+    part = ufl.dot(t, d) / square
+    b, change = t - part * d, change - part * delta
+    return ufl.inner(moment, d) / square * ufl.dot(ufl.cross(d, b), change) / ufl.dot(b, b) * ds
 
 
 SHEAR_REACH = 0.1
