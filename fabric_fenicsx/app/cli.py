@@ -53,7 +53,7 @@ def drawn_to(path: Path) -> Iterator[None]:
     except InputError:
         raise
     except (OSError, ValueError, ImportError) as error:
-        reason = str(error).splitlines()[0].rstrip(".")
+        reason = (error.strerror if isinstance(error, OSError) else None) or str(error).splitlines()[0].rstrip(".")
         raise InputError(
             f"The picture {str(path)!r} cannot be written ({reason}); choose another with --out."
         ) from error

@@ -116,11 +116,12 @@ def _write_film(path: Path, pages: Sequence[Any], seconds: float) -> None:
     import imageio.v3 as iio
 
     each = seconds / len(pages)
+    if path.suffix.lower() == ".gif":  # made in memory, for on a full disk its writer tries again when it is forgotten
+        content = iio.imwrite("<bytes>", np.stack(pages), extension=".gif", duration=1000 * each, loop=0)
+        files.replace(path, content)
+        return
     with files.whole(path) as rough:
-        if path.suffix.lower() == ".gif":
-            iio.imwrite(rough, np.stack(pages), duration=1000 * each, loop=0)
-        else:
-            iio.imwrite(rough, np.stack(pages), fps=1 / each, macro_block_size=2)
+        iio.imwrite(rough, np.stack(pages), fps=1 / each, macro_block_size=2)
 
 
 def _has_an_end(file: Path) -> bool:
