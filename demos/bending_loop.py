@@ -24,12 +24,14 @@ from fabric_fenicsx.identify.bending import KES_2HB, KES_B
 from fabric_fenicsx.laws import driver
 from fabric_fenicsx.laws.bending import Bending
 from fabric_fenicsx.output import pictures, results
+from fabric_fenicsx.output.recording import Recorder
 from fabric_fenicsx.solvers import statics
 from fabric_fenicsx.terms import supports
 
 LENGTH = 0.01  # m
 WIDTHS = {"warp": 0.01, "weft": 0.01, "bias": 0.1}
 HIGHEST = 250.0  # 1/m
+VIEW = (0.6, -2.0, 0.7)
 
 
 def path(step):
@@ -86,21 +88,23 @@ def main():
     held += supports.clamp(specimen.domain, specimen.space, "fixed_end")
     solver, title = specimen.equilibrium(held), f"{cloth.name}, {args.way}"
     ends, curvatures = supports.unknowns(specimen.domain, specimen.space, "pulled_end"), path(args.step)
-    with results.Table(out / "history.csv") as table:
+
+    def probes(step):
+        shift, _ = arc(step.load)
+        moment = solver.reaction_moment(ends, (LENGTH + shift[0], 0.0, shift[2]))[1]
+        return {"curvature_per_m": step.load, "moment_N": moment / width}
+
+    with Recorder(
+        specimen, out, probes, title=title, when=lambda step: f"{step.load:g} 1/m", picture=None, view=VIEW
+    ) as record:
         for step in statics.march(
             solver, lambda K: move(*arc(K), (LENGTH, 0.0, 0.0)), list(curvatures), progress=title
         ):
-            shift, _ = arc(step.load)
-            moment = solver.reaction_moment(ends, (LENGTH + shift[0], 0.0, shift[2]))[1]
-            table.row(
-                curvature_per_m=step.load, moment_N=moment / width, newton_iterations=step.newton_iterations,
-                step_cuts=step.step_cuts, wall_s=step.wall_s,
-            )  # fmt: skip
-            if step.load == HIGHEST and len(table.rows) < len(curvatures):
+            record(step)
+            if step.load == HIGHEST and len(record.table.rows) < len(curvatures):
                 value = bent.height(specimen)
-                pictures.picture(
-                    out / "deformed.png", specimen.displacement(), value, "height (mm)", title, (0.6, -2, 0.7)
-                )
+                pictures.picture(out / "deformed.png", specimen.displacement(), value, "height (mm)", title, VIEW)
+    table = record.table
     K, M, exact = table.column("curvature_per_m"), table.column("moment_N"), at_a_point(cloth, args.way, curvatures)
     (B, HB2), (B0, HB20) = loops.read_loop(K, M), loops.read_loop(curvatures, exact)
     iterations, cuts = (table.column(name).sum() for name in ("newton_iterations", "step_cuts"))

@@ -24,6 +24,7 @@ from fabric_fenicsx import plots
 from fabric_fenicsx.app import command
 from fabric_fenicsx.errors import InputError
 from fabric_fenicsx.output import pictures, results
+from fabric_fenicsx.output.recording import Recorder
 from fabric_fenicsx.shell import directors
 from fabric_fenicsx.surfaces import meshing
 from fabric_fenicsx.terms import supports
@@ -98,15 +99,19 @@ def drape(args, material, seed, out):
     run, ledger = cloth.newmark(
         material.mass, bcs, weight, args.rho, args.damping, set_load=set_load, rtol=1e-3, options=options
     )  # fmt: skip
-    with results.Table(out / "history.csv") as table:
+
+    def probes(step):
+        radii = outline(cloth)
+        coefficient = None if radii is None else drape_coefficient(radii)
+        return {"time_s": step.load, "drape_coefficient": cloth.domain.mesh.comm.bcast(coefficient)}
+
+    marks = {"fabric": material.name, "seed": seed} | {k: v for k, v in vars(args).items() if k not in ("out", "end")}
+    with Recorder(
+        cloth, out, probes, title=f"{material.name}, seed {seed}", run=run, marks=marks, picture=None, every=8
+    ) as record:
         for step in run.march(args.end, 1e-3 * args.step, progress=f"seed {seed}"):
-            radii = outline(cloth)
-            coefficient = None if radii is None else drape_coefficient(radii)
-            table.row(
-                time_s=step.load, drape_coefficient=cloth.domain.mesh.comm.bcast(coefficient),
-                newton_iterations=step.newton_iterations, step_cuts=step.step_cuts, **ledger.row(), wall_s=step.wall_s,
-            )  # fmt: skip
-    return radii, table, ledger, cloth
+            record(step)
+    return outline(cloth), record.table, ledger, cloth
 
 
 def plot(path, title, outlines):
