@@ -1,7 +1,7 @@
 """The tensile test of a strip in its grips, as a scene: of the thesis's section 7.2, and of an inverse simulation."""
 
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 import ufl
@@ -13,6 +13,7 @@ from .laws import Law
 from .shell import kinematics
 from .shell.directors import ShellSpace
 from .solvers import statics
+from .solvers.descent import StableSolver
 from .surfaces import yarns
 from .surfaces.meshing import Domain
 from .terms import hook, supports, weakform
@@ -49,6 +50,7 @@ def strip(
     level: str = "plane",
     imperfection: float = 0.0,
     quadrature: int | None = None,
+    search: Literal["energy", "newton"] = "energy",
 ) -> Strip:
     """A strip along x between its groups fixed_end and pulled_end, the warp at `angle` (radians) to x.
 
@@ -56,7 +58,7 @@ def strip(
     "plane", "membrane" or "shell", the latter two of a mesh in space: there the ends stay in their plane and are
     gripped; while the strip is flat it does what it does in the plane. `imperfection` (m) bends a shell into a half
     wave. `quadrature` is the degree of polynomials whose work in the plane is integrated exactly, by
-    default twice `degree`.
+    default twice `degree`. search: of a shell that buckles, see `sheet.Sheet.equilibrium`.
     """
     plane, mesh, h = level == "plane", domain.mesh, fabric.thickness
     warp = (np.cos(angle), np.sin(angle), 0.0)
@@ -96,7 +98,8 @@ def strip(
     buckles = imperfection != 0.0
     options: dict[str, object] = {"snes_linesearch_type": "basic" if buckles else "bt"}
     rtol = 1e-10 if buckles else 1e-6
-    solver = statics.StaticSolver(residual, u, bcs, rtol=rtol, options=options, space=shell)
+    kind = StableSolver if buckles and search == "energy" else statics.StaticSolver
+    solver = kind(residual, u, bcs, rtol=rtol, options=options, space=shell)
 
     def pull(displacement: float) -> None:
         end.value = displacement

@@ -39,6 +39,7 @@ FLOORS = [
             {"linear", "continuation", "checkpoint", "reactions", "tangent", "failures"},
             {"marching", "motion"},
             {"statics"},
+            {"descent"},
             {"step", "stable_step", "stepper"},
             {"newmark", "explicit"},
             {"energy"},

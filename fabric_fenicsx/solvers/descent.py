@@ -1,0 +1,300 @@
+"""Statics downhill: Newton's method that descends the energy, and ends where equilibrium is stable.
+
+Where every term has a potential, a step from the last commit has an energy
+
+    E(y) = sum of potentials,    dE/dy = residual,    d2E/dy2 = K, symmetric,
+
+and the signs of D in K = L D L' tell whether E is convex. Where it is not, K + sigma M is solved with, sigma being
+just large enough; M = 1 for displacements and a quarter of the mean area of a cell for angles, so that the unit of
+length does not matter. A correction is shortened until E falls (Armijo). Where K itself is convex, whole steps are
+tried first, and E may rise for a few (watchdog, Chamberlain et al. 1982, doi 10.1007/BFb0120945): a straight step
+stretches a slender sheet that bends. In balance K is looked at again: where it has a negative pivot, the sheet goes
+along the lowest mode, as far as E falls, and descends from there.
+"""
+
+from typing import Any
+
+import numpy as np
+import ufl
+from mpi4py import MPI
+from dolfinx import fem
+from petsc4py import PETSc
+
+from . import linear
+from .failures import solve
+from .statics import OPTIONS as NEWTON
+from .statics import StaticSolver
+
+MOST = 200  # iterations
+TURN = 0.8  # rad, by which a director turns at most in one: beyond pi the map of `directors` comes back
+PATIENCE = 3  # whole steps in which the energy may rise
+LEAST, GROWTH, DECAY = 1e-9, 8.0, 16.0  # of shifts: the first one, as a part of the largest diagonal
+SUFFICIENT = 1e-4  # of the slope
+ROUND_OFF = 1e-10  # of the sum of the energies' sizes: below, slopes tell a change better
+ESCAPES = 5
+
+# null pivots are found, and there is room for pivots that are put off
+OPTIONS: linear.Options = linear.SYMMETRIC | {"mat_mumps_icntl_24": 1, "mat_mumps_icntl_14": 60}
+
+
+class StableSolver(StaticSolver):
+    """`StaticSolver` that descends the energy where there is one, else it is that; see above.
+
+    There is one if every term has a `potential`, the stiffness is symmetric at the unknowns that are free, and options
+    do not ask for other linear solvers than MUMPS's.
+
+    Public: `descends`, whether there is an energy, once something was solved; `negative`, the number of negative pivots
+    in the last balance, 0 if it is stable; `shifts`, how many factorisations more than iterations there were.
+    """
+
+    descends: bool | None = None
+    negative = shifts = 0
+
+    def __init__(self, *arguments: Any, options: linear.Options | None = None, **settings: Any) -> None:
+        super().__init__(*arguments, options=options, **settings)
+        self._options = options or {}
+        if self._options.keys() & {"ksp_type", "pc_type"}:
+            self.descends = False
+        self._kept, self._count, self._sizes = 0.0, 0, 0.0
+        mesh = self.u.function_space.mesh
+        cells = mesh.topology.index_map(mesh.topology.dim).size_global
+        area = self.comm.allreduce(fem.assemble_scalar(fem.form(fem.Constant(mesh, 1.0) * ufl.dx(mesh))))
+        self._metric = self._x.duplicate()
+        self._area = float(area) / cells
+        self._metric.set(self._area / 4.0)
+        self._metric.array_w[self.displacements] = 1.0
+        self._metric.array_w[self._given] = 0.0
+        self._span = self._nothing / 1e-14
+        self._random, self._shifted = [self._metric.duplicate() for _ in range(2)], 0.0
+        for k, v in enumerate(self._random):
+            v.array_w[:] = np.random.default_rng((k, self.comm.rank)).standard_normal(v.local_size)
+            v.array_w[self._given] = 0.0
+        self._angles = np.setdiff1d(np.arange(self._x.local_size), self.displacements)
+
+    @property
+    def iterations(self) -> int:
+        """See `StaticSolver.iterations`."""
+        return self._count if self.descends else super().iterations
+
+    def solve(self) -> int:
+        """See `StaticSolver.solve`; what is found is stable, or neutral."""
+        here = self._y.x.array.copy(), self.u.x.array.copy()
+        if self.descends is None:
+            self._look()
+        if self.descends:
+            self._count = 0
+            iterations = self._descend()
+            if self.descends:
+                return iterations
+            self._y.x.array[:], self.u.x.array[:] = here
+        return super().solve()
+
+    def _look(self) -> None:
+        """Whether every term has a potential."""
+        self.residual(self.begin())
+        self.descends = bool(np.isfinite(self._energy()))
+        if self.descends:
+            self._assume(True, OPTIONS)
+
+    def _assume(self, symmetric: bool, options: linear.Options) -> None:
+        self.symmetric = symmetric
+        self.tangent.declare(symmetric)
+        linear.configure(self.snes, self.tangent.A, NEWTON | options | self._options)
+
+    # -- Newton's method ---------------------------------------------------------------------------------------------
+
+    def _descend(self) -> int:
+        x = self.begin()
+        self.negative = 0
+        moved = self._move_supports()
+        self._pushed, self._push = not moved, 0.0
+        b, E = self._at(x)
+        correction, escapes, rises, start = np.inf, 0, 0, None
+        for self._count in range(MOST + 1):
+            norm = b.norm()
+            if not np.isfinite(norm) or not np.isfinite(E):
+                raise self.failure("residual or energy is not finite")
+            if self.converged(self.snes, self._count, (x.norm(), correction, norm)) is not None:
+                way = self._way_down(x)
+                if not self.descends or way is None:
+                    self._take(x)
+                    return moved + self._count
+                if escapes == ESCAPES:
+                    raise self.failure("every balance is unstable")
+                escapes, rises, start, correction = escapes + 1, 0, None, np.inf
+                b, E = self._escape(x, E, way)
+                continue
+            p = b.duplicate()
+            if not (solve(self.prepared(b), b, p) and self._sound):
+                raise self.failure("Jacobian is singular or not finite")
+            if not self.descends:
+                return 0
+            self.linear_iterations += 1
+            self._cap(p)
+            correction = p.norm() if self._shifted == 0.0 else np.inf
+            if self._shifted == 0.0 and (start is None or rises < PATIENCE):
+                start = start or (x.copy(), E, b.copy(), p.copy())
+                x.axpy(-1.0, p)
+                b, E = self._at(x)
+                if self._falls(E, b, *start[1:3], x - start[0]):
+                    rises, start = 0, None
+                else:
+                    rises += 1
+                if np.isfinite(E):
+                    continue
+            if start is not None:  # back to where energy was lowest
+                (at, E, b, p), start, rises = start, None, 0
+                at.copy(x)
+            b, E = self._search(x, E, b.copy(), p)
+        raise self.failure("too many iterations")
+
+    def _search(self, x: PETSc.Vec, E: float, b: PETSc.Vec, p: PETSc.Vec) -> tuple[PETSc.Vec, float]:
+        """From x along -p to a lower energy: residual and energy there."""
+        origin, part = x.copy(), 1.0
+        while part > 1e-10:
+            origin.copy(x)
+            x.axpy(-part, p)
+            new, energy = self._at(x)
+            if self._falls(energy, new, E, b, x - origin):
+                return new, energy
+            part /= 2
+        raise self.failure("energy does not fall")
+
+    def _falls(self, new: float, b_new: PETSc.Vec, E: float, b: PETSc.Vec, way: PETSc.Vec) -> bool:
+        """Whether energy has fallen enough on a way from (E, b)."""
+        if not np.isfinite(new):
+            return False
+        change = new - E
+        if abs(change) < ROUND_OFF * self._sizes:
+            change = 0.5 * (b.dot(way) + b_new.dot(way))
+        return bool(change <= min(0.0, SUFFICIENT * b.dot(way)))
+
+    def _at(self, x: PETSc.Vec) -> tuple[PETSc.Vec, float]:
+        """Residual and energy at x."""
+        b = self.residual(x)
+        return b, self._energy()
+
+    def _energy(self) -> float:
+        """At the last residual, J; NaN, on every rank, if it is not finite or a term has none."""
+        try:
+            parts = [term.potential() for term in self.terms]
+        except Exception as error:
+            self._fault, parts = error, [None]
+        known = [np.nan if part is None else part for part in parts]
+        E, sizes = self.comm.allreduce(np.array([sum(known), sum(np.abs(known))]))
+        self._sizes = max(float(sizes), 1e-300)
+        return float(E)
+
+    def _cap(self, p: PETSc.Vec) -> None:
+        """Shorten a correction so far that terms allow it and no director turns too far."""
+        p.scale(TURN / max(self._most(p, self._angles), TURN))
+        p.scale(self.longest_step(-p))
+
+    def _most(self, v: PETSc.Vec, where: np.ndarray) -> float:
+        return float(self.comm.allreduce(np.abs(v.array_r[where]).max(initial=0.0), MPI.MAX))
+
+    # -- factors, and the signs of their pivots ----------------------------------------------------------------------
+
+    def prepared(self, *right: PETSc.Vec) -> PETSc.KSP:
+        """What solves with the Jacobian, shifted until it is positive definite."""
+        if not self.descends:
+            return self.factorised(*right)
+        self._assemble_tangent(*right)
+        if self._turns_back():
+            return self.snes.ksp
+        A, ksp = self.tangent.A, self.snes.ksp
+        diagonal = A.getDiagonal()
+        largest = diagonal.norm(PETSc.NormType.NORM_INFINITY)
+        self._shifted = 0.0
+        while self._pivots() != (0, 0):
+            if self._shifted > 1e3 * largest or not self._sound:
+                break
+            self._shifted = GROWTH * self._shifted if self._shifted else max(self._kept, LEAST * largest)
+            A.setDiagonal(diagonal + self._shifted * self._metric)
+            self.shifts += 1
+        self._kept = self._shifted / DECAY
+        return ksp
+
+    def _pivots(self) -> tuple[int, int]:
+        """Factorise; numbers of negative and of null pivots, (-1, -1) if it cannot be done."""
+        ksp = self.snes.ksp
+        ksp.setOperators(self.tangent.A)
+        ksp.setUp()
+        factors = ksp.getPC().getFactorMatrix()
+        if factors.getMumpsInfog(1) < 0:
+            ksp.getPC().reset()  # PETSc never factorises again with what has failed once
+            return -1, -1
+        return factors.getMumpsInfog(12), factors.getMumpsInfog(28)
+
+    def _turns_back(self) -> bool:
+        """To Newton's method, for good, where the matrix is not symmetric; given unknowns are eliminated."""
+        v, w = self._random
+        Av, Aw = self.tangent.A * v, self.tangent.A * w
+        skew = abs(w.dot(Av) - v.dot(Aw)) > 1e-12 * np.sqrt(Av.norm() * v.norm() * Aw.norm() * w.norm())
+        if skew:
+            self.descends = False
+            self._assume(False, linear.DIRECT)
+        return bool(skew)
+
+    def _uneven(self) -> PETSc.Vec:
+        """Displacements without symmetry, the same on any number of ranks: a function of the place."""
+        field = fem.Function(V := self._y.function_space)
+        space, dofs = (V, np.arange(len(field.x.array))) if self._shell is None else V.sub(0).collapse()
+        phase = space.tabulate_dof_coordinates() @ np.array([1.7, 2.3, 2.9]) / self._span
+        values = np.stack([np.cos((1.0 + 0.3 * k) * phase + k) + 0.2 for k in range(space.dofmap.index_map_bs)], axis=1)
+        field.x.array[np.array(dofs)] = values.ravel()
+        v = self._x.duplicate()
+        v.array_w[:] = field.x.array[: v.local_size]
+        v.array_w[self._given] = 0.0
+        return v
+
+    # -- stability ---------------------------------------------------------------------------------------------------
+
+    def lowest(self) -> tuple[float, PETSc.Vec]:
+        """Lowest eigenvalue of K v = lambda M v at the present u (N/m), and its mode, by inverse iteration."""
+        self.residual(self.begin())
+        return self._lowest(self.prepared())
+
+    def _lowest(self, ksp: PETSc.KSP) -> tuple[float, PETSc.Vec]:
+        v, w = self._uneven(), self._x.duplicate()
+        known = np.inf
+        for _ in range(100):
+            v.scale(1.0 / np.sqrt(v.dot(v * self._metric)))
+            ksp.solve(v * self._metric, w)
+            w.array_w[self._given] = 0.0
+            value = 1.0 / v.dot(w * self._metric) - self._shifted
+            w.copy(v)
+            if abs(value - known) <= 1e-3 * abs(value):
+                break
+            known = value
+        return float(value), v
+
+    def _way_down(self, x: PETSc.Vec) -> PETSc.Vec | None:
+        """The mode along which energy falls from a balance, by a small part of a cell; None if that is stable."""
+        self._assemble_tangent()
+        if self._turns_back():
+            return None
+        self.negative = self._pivots()[0]
+        if self.negative == 0:
+            return None
+        value, v = self._lowest(self.prepared())
+        if value >= 0.0:  # neutral: a pivot of round-off
+            self.negative = 0
+            return None
+        reach, turn = self._most(v, self.displacements), self._most(v, self._angles)
+        v.scale(1e-3 / max(reach / np.sqrt(self._area), turn / TURN))
+        return v
+
+    def _escape(self, x: PETSc.Vec, E: float, way: PETSc.Vec) -> tuple[PETSc.Vec, float]:
+        """Along a mode and twice as far while energy falls; the last residual and energy."""
+        origin, part, best = x.copy(), 1.0, 0.0
+        while part < 1024.0:
+            origin.copy(x)
+            x.axpy(part, way)
+            energy = self._at(x)[1]
+            if not energy < E:
+                break
+            best, E, part = part, energy, 2.0 * part
+        origin.copy(x)
+        x.axpy(best or 1.0, way)
+        return self._at(x)

@@ -1,0 +1,103 @@
+"""Statics along the energy: potentials against forces, sheets that start flat, what has no energy."""
+
+import runpy
+from pathlib import Path
+
+import numpy as np
+import pytest
+import ufl
+from mpi4py import MPI
+from dolfinx import fem
+
+from fabric_fenicsx import fabrics, sheet
+from fabric_fenicsx.errors import InputError
+from fabric_fenicsx.laws.potential import Potential
+from fabric_fenicsx.laws.woven import Woven
+from fabric_fenicsx.solvers import descent, linear
+from fabric_fenicsx.surfaces import meshing
+from fabric_fenicsx.terms import supports, weakform
+from fabric_fenicsx.terms.form import FormTerm
+
+STUDY = runpy.run_path(str(Path(__file__).resolve().parent.parent / "demos" / "studies" / "stable_statics.py"))
+COMM = MPI.COMM_WORLD
+BLEND = fabrics.load("blend")
+
+
+def cloth(law, kinematics="shell", n=3):
+    domain = meshing.read(STUDY["SQUARE"], COMM, side=0.3, n=n, triangles=1)
+    G = BLEND.shear.modulus[0]
+    return sheet.Sheet(domain, law, BLEND.thickness, (G, G), kinematics=kinematics)
+
+
+@pytest.mark.parallel
+@pytest.mark.parametrize("kinematics", ["shell", "membrane"])
+def test_forces_are_the_gradient_of_the_potential(kinematics):
+    """From a committed state with a history: law, linear parts, pressure, dead load and spring together."""
+    own = cloth(Potential(BLEND), kinematics)
+    spring = -fem.Constant(own.domain.mesh, 50.0) * ufl.inner(own.u, own.v) * own.dx
+    p = fem.Constant(own.domain.mesh, 30.0)
+    loads = weakform.pressure(p, own.u, own.v, own.dx(degree=4)) + 20.0 * own.v[1] * own.dx + spring
+    bcs = [bc for edge in STUDY["RIM"] for bc in supports.hinge(own.domain, own.space, edge)]
+    solver = own.equilibrium(bcs, loads)
+    solver.solve()
+    assert solver.descends and solver.symmetric and solver.negative == 0
+    solver.commit()
+    x, way = solver.begin().copy(), solver._random[0].copy()
+    way.scale(1e-4)
+    for size in (1.0, -0.7):  # on, and back
+        x.axpy(size, way)
+        slope = solver.residual(x).dot(way)
+        energies = []
+        for part in (-2e-4, 2e-4, -1e-4, 1e-4):
+            energies.append(solver._at(x + part * way)[1])
+        coarse, fine = (energies[1] - energies[0]) / 4e-4, (energies[3] - energies[2]) / 2e-4
+        assert (4 * fine - coarse) / 3 == pytest.approx(slope, rel=1e-6)
+
+
+@pytest.mark.parallel
+@pytest.mark.parametrize("name", ["shell, dead load", "shell, pressure", "membrane, dead load", "membrane, pressure"])
+def test_a_flat_sheet_takes_its_load_in_one_step(name):
+    """A membrane has no stiffness across itself at first. Both ways of loading are nearly the same in a flat sheet."""
+    row = STUDY["run"](name, "energy")
+    assert row["steps"] == 1 and row["cuts"] == 0 and row["iterations"] <= 15
+    assert row["negative"] == 0 and row["lowest"] > 0.0
+    assert row["height_m"] == pytest.approx(0.02867, abs=2e-5)
+
+
+@pytest.mark.parallel
+def test_a_flat_airbag_is_blown_up_at_once():
+    row = STUDY["run"]("airbag", "energy")
+    assert row["cuts"] == 0 and row["negative"] == 0 and row["lowest"] > -1e-9
+    assert 0.17 < row["height_m"] < 0.23
+
+
+def test_what_has_no_energy_is_left_to_newton():
+    """A law without potential, a follower pressure on a free edge, and options that ask for another linear solver."""
+    woven = cloth(Woven(BLEND)).equilibrium([])
+    assert isinstance(woven, descent.StableSolver) and woven.descends is None
+    bent = {}
+    for search in ("energy", "newton"):
+        own = cloth(Potential(BLEND))
+        p = fem.Constant(own.domain.mesh, 0.0)
+        load = weakform.pressure(p, own.u, own.v, own.dx(degree=4))
+        clamp = supports.clamp(own.domain, own.space, "left")
+        solver = own.equilibrium(clamp, load, options={"snes_max_it": 60}, search=search)
+        for value in (1e-3, 2e-3):
+            p.value = value
+            solver.solve()
+            solver.commit()
+        bent[search] = own.q.x.array.copy()
+        if search == "energy":
+            assert solver.descends is False and not solver.symmetric and linear.method(solver.snes) == "LU by MUMPS"
+    assert np.abs(bent["energy"] - bent["newton"]).max() < 1e-3 * np.abs(bent["newton"]).max()
+    assert own.equilibrium(clamp, load, options=linear.ITERATIVE).descends is False
+    with pytest.raises(InputError, match="search='best'"):
+        own.equilibrium(clamp, load, search="best")
+
+
+def test_a_form_with_a_law_has_a_potential_only_where_it_is_said_to_be_its_work():
+    own = cloth(Potential(BLEND), "membrane")
+    term = own.terms[0]
+    term.evaluate()
+    assert term.potential() == 0.0
+    assert FormTerm(term.form, own.q).potential() is None
