@@ -16,11 +16,10 @@ from .material import Material, Patchwork
 from .output.showing import Showing
 from .shell import assumed_strain, directors, kinematics
 from .solvers import motion
-from .solvers.descent import StableSolver
+from .solvers.descent import Search, StableSolver
 from .solvers.energy import Ledger
 from .solvers.explicit import CentralDifference
 from .solvers.newmark import Newmark
-from .solvers.statics import StaticSolver
 from .surfaces import yarns
 from .surfaces.meshing import Domain
 from .terms import weakform
@@ -205,18 +204,16 @@ class Sheet(Showing):
         rtol: float = 1e-6,
         options: dict[str, object] | None = None,
         *,
-        search: Literal["energy", "newton"] = "energy",
-    ) -> StaticSolver:
+        search: Search = "energy",
+    ) -> StableSolver:
         """The solver of this sheet at rest, for `statics.march`; bcs, rtol, options: see `statics.StaticSolver`.
 
         loads: virtual work of the forces on the sheet, in J; what resists, such as a spring, is negative.
         search: downhill to a stable state, where law and loads have an energy (`descent.StableSolver`), or Newton's
         method alone.
         """
-        kind = {"energy": StableSolver, "newton": StaticSolver}.get(search)
-        if kind is None:
-            raise InputError(f"search={search!r} is neither 'energy' nor 'newton'.")
-        return kind(self._residual(loads), self.q, bcs, rtol=rtol, options=options, space=self.shell)
+        work = self._residual(loads)
+        return StableSolver(work, self.q, bcs, rtol=rtol, options=options, space=self.shell, search=search)
 
     def newmark(
         self,

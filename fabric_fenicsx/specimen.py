@@ -1,7 +1,7 @@
 """The tensile test of a strip in its grips, as a scene: of the thesis's section 7.2, and of an inverse simulation."""
 
 from collections.abc import Callable
-from typing import Literal, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import ufl
@@ -13,7 +13,7 @@ from .laws import Law
 from .shell import kinematics
 from .shell.directors import ShellSpace
 from .solvers import statics
-from .solvers.descent import StableSolver
+from .solvers.descent import Search, StableSolver
 from .surfaces import yarns
 from .surfaces.meshing import Domain
 from .terms import hook, supports, weakform
@@ -50,7 +50,7 @@ def strip(
     level: str = "plane",
     imperfection: float = 0.0,
     quadrature: int | None = None,
-    search: Literal["energy", "newton"] = "energy",
+    search: Search = "energy",
 ) -> Strip:
     """A strip along x between its groups fixed_end and pulled_end, the warp at `angle` (radians) to x.
 
@@ -98,8 +98,8 @@ def strip(
     buckles = imperfection != 0.0
     options: dict[str, object] = {"snes_linesearch_type": "basic" if buckles else "bt"}
     rtol = 1e-10 if buckles else 1e-6
-    kind = StableSolver if buckles and search == "energy" else statics.StaticSolver
-    solver = kind(residual, u, bcs, rtol=rtol, options=options, space=shell)
+    search = search if buckles else "newton"
+    solver = StableSolver(residual, u, bcs, rtol=rtol, options=options, space=shell, search=search)
 
     def pull(displacement: float) -> None:
         end.value = displacement

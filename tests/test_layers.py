@@ -37,7 +37,7 @@ FLOORS = [
         "solvers": [
             {"held"},
             {"linear", "continuation", "checkpoint", "reactions", "tangent", "failures"},
-            {"marching", "motion"},
+            {"marching", "motion", "pivots"},
             {"statics"},
             {"descent"},
             {"step", "stable_step", "stepper"},

@@ -71,7 +71,7 @@ def flat(search, kinematics, follows=False, n=8):
     """A square of 1 m, clamped or hinged all around, under 100 Pa at once."""
     cloth = elastic(1.0, n, 1e8, 0.3, 1e-3, kinematics)
     p = fem.Constant(cloth.domain.mesh, 0.0)
-    work = weakform.pressure(p, cloth.u, cloth.v, cloth.dx(degree=4)) if follows else p * cloth.v[2] * cloth.dx
+    work = weakform.pressure(p, cloth.u, cloth.v, cloth.dx) if follows else p * cloth.v[2] * cloth.dx
     bcs = [bc for edge in RIM for bc in supports.clamp(cloth.domain, cloth.space, edge)]
     return case(cloth, bcs, work, p, [100.0], search)
 
@@ -83,7 +83,7 @@ def airbag(search, n=8, loads=(5e3,)):
     p = fem.Constant(domain.mesh, 0.0)
     bcs = supports.symmetry(domain, space, "left", 0) + supports.symmetry(domain, space, "bottom", 1)
     bcs += [bc for edge in ("right", "top") for bc in supports.lead(domain, space, edge, 2, 0.0)]
-    return case(cloth, bcs, weakform.pressure(p, cloth.u, cloth.v, cloth.dx(degree=4)), p, list(loads), search)
+    return case(cloth, bcs, weakform.pressure(p, cloth.u, cloth.v, cloth.dx), p, list(loads), search)
 
 
 def cantilever(search, fabric="muslin", steps=12, nx=20):

@@ -4,34 +4,34 @@ Where every term has a potential, a step from the last commit has an energy
 
     E(y) = sum of potentials,    dE/dy = residual,    d2E/dy2 = K, symmetric,
 
-and the signs of D in K = L D L' tell whether E is convex. Where it is not, K + sigma M is solved with, sigma being
-just large enough; M = 1 for displacements and a quarter of the mean area of a cell for angles, so that the unit of
-length does not matter. A correction is shortened until E falls (Armijo). Where K itself is convex, whole steps are
-tried first, and E may rise for a few (watchdog, Chamberlain et al. 1982, doi 10.1007/BFb0120945): a straight step
-stretches a slender sheet that bends. In balance K is looked at again: where it has a negative pivot, the sheet goes
-along the lowest mode, as far as E falls, and descends from there.
+and the signs of D in K = L D L' tell whether K is positive definite. Where it is not, K + sigma M is solved with, sigma
+being just large enough (`pivots`). A correction is shortened until E falls (Armijo). Where K is positive definite,
+whole steps are tried first, and E may rise for a few (watchdog, Chamberlain et al. 1982, doi 10.1007/BFb0120945): a
+straight step stretches a slender sheet that bends. In balance K is looked at again: where it has a negative pivot, the
+sheet goes along the lowest mode, as far as E falls, and descends from there.
 """
 
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
-import ufl
 from mpi4py import MPI
-from dolfinx import fem
 from petsc4py import PETSc
 
+from ..errors import InputError
 from . import linear
-from .failures import solve
+from .failures import SINGULAR, solve
+from .pivots import Pivots
 from .statics import OPTIONS as NEWTON
 from .statics import StaticSolver
 
 MOST = 200  # iterations
 TURN = 0.8  # rad, by which a director turns at most in one: beyond pi the map of `directors` comes back
 PATIENCE = 3  # whole steps in which the energy may rise
-LEAST, GROWTH, DECAY = 1e-9, 8.0, 16.0  # of shifts: the first one, as a part of the largest diagonal
 SUFFICIENT = 1e-4  # of the slope
 ROUND_OFF = 1e-10  # of the sum of the energies' sizes: below, slopes tell a change better
 ESCAPES = 5
+
+type Search = Literal["energy", "newton"]
 
 # null pivots are found, and there is room for pivots that are put off
 OPTIONS: linear.Options = linear.SYMMETRIC | {"mat_mumps_icntl_24": 1, "mat_mumps_icntl_14": 60}
@@ -41,31 +41,27 @@ class StableSolver(StaticSolver):
     """`StaticSolver` that descends the energy where there is one, else it is that; see above.
 
     There is one if every term has a `potential`, the stiffness is symmetric at the unknowns that are free, and options
-    do not ask for other linear solvers than MUMPS's.
+    do not ask for other linear solvers than MUMPS's. search: "newton" for Newton's method alone.
 
     Public: `descends`, whether there is an energy, once something was solved; `negative`, the number of negative pivots
-    in the last balance, 0 if it is stable; `shifts`, how many factorisations more than iterations there were.
+    in the last balance, 0 if it is stable.
     """
 
     descends: bool | None = None
-    negative = shifts = 0
+    negative = 0
 
-    def __init__(self, *arguments: Any, options: linear.Options | None = None, **settings: Any) -> None:
+    def __init__(
+        self, *arguments: Any, options: linear.Options | None = None, search: Search = "energy", **settings: Any
+    ) -> None:
         super().__init__(*arguments, options=options, **settings)
         self._options = options or {}
-        if self._options.keys() & {"ksp_type", "pc_type"}:
+        if search not in ("energy", "newton"):
+            raise InputError(f"search={search!r} is neither 'energy' nor 'newton'.")
+        if search == "newton" or self._options.keys() & {"ksp_type", "pc_type"}:
             self.descends = False
-        self._kept, self._count, self._sizes = 0.0, 0, 0.0
-        mesh = self.u.function_space.mesh
-        cells = mesh.topology.index_map(mesh.topology.dim).size_global
-        area = self.comm.allreduce(fem.assemble_scalar(fem.form(fem.Constant(mesh, 1.0) * ufl.dx(mesh))))
-        self._metric = self._x.duplicate()
-        self._area = float(area) / cells
-        self._metric.set(self._area / 4.0)
-        self._metric.array_w[self.displacements] = 1.0
-        self._metric.array_w[self._given] = 0.0
-        self._span = self._nothing / 1e-14
-        self._random, self._shifted = [self._metric.duplicate() for _ in range(2)], 0.0
+        self._count, self._sizes = 0, 0.0
+        self._pivots = Pivots(self._y, self._x, self.displacements, self._given)
+        self._random = [self._x.duplicate() for _ in range(2)]
         for k, v in enumerate(self._random):
             v.array_w[:] = np.random.default_rng((k, self.comm.rank)).standard_normal(v.local_size)
             v.array_w[self._given] = 0.0
@@ -125,14 +121,15 @@ class StableSolver(StaticSolver):
                 b, E = self._escape(x, E, way)
                 continue
             p = b.duplicate()
-            if not (solve(self.prepared(b), b, p) and self._sound):
-                raise self.failure("Jacobian is singular or not finite")
+            fault = solve(self.prepared(b), b, p)
+            if fault or not self._sound:
+                raise self.failure(fault or SINGULAR)
             if not self.descends:
                 return 0
             self.linear_iterations += 1
             self._cap(p)
-            correction = p.norm() if self._shifted == 0.0 else np.inf
-            if self._shifted == 0.0 and (start is None or rises < PATIENCE):
+            correction = p.norm() if self._pivots.shift == 0.0 else np.inf
+            if self._pivots.shift == 0.0 and (start is None or rises < PATIENCE):
                 start = start or (x.copy(), E, b.copy(), p.copy())
                 x.axpy(-1.0, p)
                 b, E = self._at(x)
@@ -202,29 +199,8 @@ class StableSolver(StaticSolver):
         self._assemble_tangent(*right)
         if self._turns_back():
             return self.snes.ksp
-        A, ksp = self.tangent.A, self.snes.ksp
-        diagonal = A.getDiagonal()
-        largest = diagonal.norm(PETSc.NormType.NORM_INFINITY)
-        self._shifted = 0.0
-        while self._pivots() != (0, 0):
-            if self._shifted > 1e3 * largest or not self._sound:
-                break
-            self._shifted = GROWTH * self._shifted if self._shifted else max(self._kept, LEAST * largest)
-            A.setDiagonal(diagonal + self._shifted * self._metric)
-            self.shifts += 1
-        self._kept = self._shifted / DECAY
-        return ksp
-
-    def _pivots(self) -> tuple[int, int]:
-        """Factorise; numbers of negative and of null pivots, (-1, -1) if it cannot be done."""
-        ksp = self.snes.ksp
-        ksp.setOperators(self.tangent.A)
-        ksp.setUp()
-        factors = ksp.getPC().getFactorMatrix()
-        if factors.getMumpsInfog(1) < 0:
-            ksp.getPC().reset()  # PETSc never factorises again with what has failed once
-            return -1, -1
-        return factors.getMumpsInfog(12), factors.getMumpsInfog(28)
+        self._pivots.factorise(self.snes.ksp, self.tangent.A)
+        return self.snes.ksp
 
     def _turns_back(self) -> bool:
         """To Newton's method, for good, where the matrix is not symmetric; given unknowns are eliminated."""
@@ -236,53 +212,27 @@ class StableSolver(StaticSolver):
             self._assume(False, linear.DIRECT)
         return bool(skew)
 
-    def _uneven(self) -> PETSc.Vec:
-        """Displacements without symmetry, the same on any number of ranks: a function of the place."""
-        field = fem.Function(V := self._y.function_space)
-        space, dofs = (V, np.arange(len(field.x.array))) if self._shell is None else V.sub(0).collapse()
-        phase = space.tabulate_dof_coordinates() @ np.array([1.7, 2.3, 2.9]) / self._span
-        values = np.stack([np.cos((1.0 + 0.3 * k) * phase + k) + 0.2 for k in range(space.dofmap.index_map_bs)], axis=1)
-        field.x.array[np.array(dofs)] = values.ravel()
-        v = self._x.duplicate()
-        v.array_w[:] = field.x.array[: v.local_size]
-        v.array_w[self._given] = 0.0
-        return v
-
     # -- stability ---------------------------------------------------------------------------------------------------
 
     def lowest(self) -> tuple[float, PETSc.Vec]:
         """Lowest eigenvalue of K v = lambda M v at the present u (N/m), and its mode, by inverse iteration."""
         self.residual(self.begin())
-        return self._lowest(self.prepared())
-
-    def _lowest(self, ksp: PETSc.KSP) -> tuple[float, PETSc.Vec]:
-        v, w = self._uneven(), self._x.duplicate()
-        known = np.inf
-        for _ in range(100):
-            v.scale(1.0 / np.sqrt(v.dot(v * self._metric)))
-            ksp.solve(v * self._metric, w)
-            w.array_w[self._given] = 0.0
-            value = 1.0 / v.dot(w * self._metric) - self._shifted
-            w.copy(v)
-            if abs(value - known) <= 1e-3 * abs(value):
-                break
-            known = value
-        return float(value), v
+        return self._pivots.lowest(self.prepared())
 
     def _way_down(self, x: PETSc.Vec) -> PETSc.Vec | None:
         """The mode along which energy falls from a balance, by a small part of a cell; None if that is stable."""
         self._assemble_tangent()
         if self._turns_back():
             return None
-        self.negative = self._pivots()[0]
+        self.negative = self._pivots.count(self.snes.ksp, self.tangent.A)[0]
         if self.negative == 0:
             return None
-        value, v = self._lowest(self.prepared())
+        value, v = self._pivots.lowest(self.prepared())
         if value >= 0.0:  # neutral: a pivot of round-off
             self.negative = 0
             return None
         reach, turn = self._most(v, self.displacements), self._most(v, self._angles)
-        v.scale(1e-3 / max(reach / np.sqrt(self._area), turn / TURN))
+        v.scale(1e-3 / max(reach / np.sqrt(self._pivots.area), turn / TURN))
         return v
 
     def _escape(self, x: PETSc.Vec, E: float, way: PETSc.Vec) -> tuple[PETSc.Vec, float]:

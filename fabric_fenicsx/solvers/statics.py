@@ -93,8 +93,7 @@ class StaticSolver(Reactions):
         linear.configure(self.snes, self.tangent.A, OPTIONS | (options or {}), self.symmetric)
         by_grids = self.snes.ksp.getPC().getType() == "gamg"
         self._motions = linear.RigidMotions(u, self._y, space) if by_grids else None
-        # a step that ends in NaN would pass for converged where the correction before it was small
-        self.snes.setTolerances(stol=0.0)
+        self.snes.setTolerances(stol=0.0)  # a step that ends in NaN would pass where the last correction was small
         forget_traversals()
 
     def _take(self, x: PETSc.Vec) -> None:
@@ -270,6 +269,7 @@ class StaticSolver(Reactions):
         self.restore()
         self._b = self._b.duplicate()  # PETSc leaves what a linear solver has stopped at locked
         self.snes.setFunction(weak(self._residual), self._b)
+        self.snes.ksp.reset()  # factors that failed are no base for others
         blame(self.comm, self._fault)
         return failed(reason, self.residuals, worst[1])
 

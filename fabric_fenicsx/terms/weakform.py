@@ -109,8 +109,11 @@ def pressure(p: Expr | float, u: Expr, v: Expr, dx: ufl.Measure) -> Form:
 
     It pushes along the normal, that of `kinematics.area_vector`, which makes the force p n da a polynomial in u with
     an exact derivative; p itself may depend on u. It is not symmetric where the sheet has a free edge. Degree 4
-    of `dx` is exact on flat triangles with a quadratic u and a constant p.
+    is exact on flat triangles with a quadratic u and a constant p; less of `dx` would spoil symmetry, and is raised.
     """
+    known = dx.metadata()
+    if "quadrature_degree" in known:
+        dx = dx(metadata={**known, "quadrature_degree": max(4, known["quadrature_degree"])})
     return p * ufl.inner(kinematics.area_vector(u, dx.ufl_domain()), v) * dx
 
 
