@@ -54,7 +54,7 @@ def bent(settings, smallest=1 / 64):
 
 
 def locking(settings, out):
-    """End shear with E h^3 constant: every element, thickness and mesh; then the largest step that Newton takes."""
+    """End shear with E h^3 constant: every element, thickness and mesh; then the largest step that is solved."""
     elements = [settings.element] if settings.element else list(directors.ELEMENTS)
     cells = [settings.cells] if settings.cells else list(ALLOWED)
     slender = [settings.thickness / 10] if settings.thickness else SLENDER
@@ -71,7 +71,7 @@ def locking(settings, out):
     if MPI.COMM_WORLD.rank == 0:
         plot(out / "locking.png", rows)
 
-    command.say("\nEqual steps to all of the load, 4 EI/L^2, that Newton takes with no cut; 16 cells:")
+    command.say("\nEqual steps to all of the load, 4 EI/L^2, that are solved with no cut; 16 cells:")
     steps = []
     for element, h in itertools.product((e for e in DEFAULTS if e in elements), slender):
         for count in STEPS:

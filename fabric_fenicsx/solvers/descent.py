@@ -24,7 +24,7 @@ from .pivots import Pivots
 from .statics import OPTIONS as NEWTON
 from .statics import StaticSolver
 
-MOST = 200  # iterations
+MOST = 200  # iterations, if options do not say snes_max_it
 TURN = 0.8  # rad, by which a director turns at most in one: beyond pi the map of `directors` comes back
 PATIENCE = 3  # whole steps in which the energy may rise
 SUFFICIENT = 1e-4  # of the slope
@@ -55,6 +55,7 @@ class StableSolver(StaticSolver):
     ) -> None:
         super().__init__(*arguments, options=options, **settings)
         self._options = options or {}
+        self._most_iterations = int(str(self._options.get("snes_max_it", MOST)))
         if search not in ("energy", "newton"):
             raise InputError(f"search={search!r} is neither 'energy' nor 'newton'.")
         if search == "newton" or self._options.keys() & {"ksp_type", "pc_type"}:
@@ -106,7 +107,7 @@ class StableSolver(StaticSolver):
         self._pushed, self._push = not moved, 0.0
         b, E = self._at(x)
         correction, escapes, rises, start = np.inf, 0, 0, None
-        for self._count in range(MOST + 1):
+        for self._count in range(self._most_iterations + 1):
             norm = b.norm()
             if not np.isfinite(norm) or not np.isfinite(E):
                 raise self.failure("residual or energy is not finite")
