@@ -107,11 +107,12 @@ class StableSolver(StaticSolver):
         self._pushed, self._push = not moved, 0.0
         b, E = self._at(x)
         correction, escapes, rises, start = np.inf, 0, 0, None
-        for self._count in range(self._most_iterations + 1):
+        for iteration in range(self._most_iterations + 1):
+            self._count = iteration
             norm = b.norm()
             if not np.isfinite(norm) or not np.isfinite(E):
                 raise self.failure("residual or energy is not finite")
-            if self.converged(self.snes, self._count, (x.norm(), correction, norm)) is not None:
+            if self.converged(None, self._count, (x.norm(), correction, norm)) is not None:
                 way = self._way_down(x)
                 if not self.descends or way is None:
                     self._take(x)
