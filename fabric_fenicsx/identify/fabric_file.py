@@ -5,6 +5,7 @@ from pathlib import Path
 
 from .. import fabrics
 from ..errors import InputError
+from . import bending
 from .identification import WAYS, Identified
 
 
@@ -47,6 +48,8 @@ def toml(found: Identified) -> str:
         curve = found.curves[way]
         number = len(curve.readings) or len(found.bias_records)
         lines.append(f'{way} = "{number} specimen{"s" * (number > 1)}, {curve.how}"')
+    if found.bending:
+        lines += ["", *(f"# {word}" for word in found.bending.fits), bending.toml(found.bending.curves).rstrip()]
     return "\n".join([*lines, ""])
 
 

@@ -6,6 +6,7 @@ loop.
 """
 
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -20,6 +21,42 @@ from .bending import ASSUMED_SPREAD, NO_FRICTION, NO_SOFTENING, Found, positive
 from .elastica import Beam
 
 ASTM_ANGLE = np.radians(41.5)
+
+
+@dataclass(frozen=True)
+class Shape:
+    """A bending curve but for its B, as other tests tell it: B2 over B (m), 2HB (N) and a part of it that goes with B
+    (1/m), and the curvature over which friction builds up (1/m)."""
+
+    softening: float = 0.0
+    hysteresis: float = 0.0
+    friction: float = 0.0
+    spread: float = FRICTION_PER_M
+
+    def curve(self, B: float) -> BendingCurve:
+        """The curve of that rigidity (N m)."""
+        return BendingCurve(B, self.softening * B, self.hysteresis + self.friction * B)
+
+
+def overhangs(lengths: Array, angles: Array, areal_mass: float, shape: Shape) -> tuple[float, float | None]:
+    """B (N m) of a known shape by least squares on the angles (radians) of overhangs (m), and its standard error."""
+    w = areal_mass * GRAVITY
+    first = float(np.median(w * lengths**3 / elastica.group(angles)))
+    least = float(np.min(w * lengths**2))
+    if shape.hysteresis >= least:
+        raise InputError(
+            f"A 2HB of {1e3 * shape.hysteresis:.4g} mN alone would carry {1e3 * lengths.min():.4g} mm of this strip; "
+            "check its unit."
+        )
+
+    def miss(x: Array) -> Array:
+        beam = Beam(shape.curve(float(first * np.exp(x[0] - 1))), areal_mass, shape.spread)
+        return elastica.overhang_angle(beam, lengths) - angles
+
+    # of the logarithm, around 1: a difference quotient steps by a part of what it starts from
+    fit = least_squares(miss, [1.0], bounds=([-5.0], [3.0]), diff_step=1e-4)
+    B, n = float(first * np.exp(fit.x[0] - 1)), len(lengths)
+    return B, B * float(np.sqrt(2 * fit.cost / (n - 1) / (fit.jac[:, 0] ** 2).sum())) if n > 1 else None
 
 
 def bending_length(
@@ -102,11 +139,15 @@ def heart_loop(
     *,
     hysteresis: float = 0.0,
     friction_per_m: float | None = None,
+    shape: Shape | None = None,
 ) -> Found:
-    """From a heart loop: length (m) of strip between the gripped ends, height (m) from the grip to the lowest point."""
+    """From a heart loop: length (m) of strip between the gripped ends, height (m) from the grip to the lowest point.
+
+    `shape` stands for the other numbers where other tests told more than friction.
+    """
     positive("length", length, "m")
     positive("areal_mass", areal_mass, "kg/m2")
-    spread = friction_per_m or FRICTION_PER_M
+    known = shape or Shape(hysteresis=hysteresis, spread=friction_per_m or FRICTION_PER_M)
     if not 0.14 * length < height < 0.45 * length:
         raise InputError(
             f"A heart loop of {1e3 * length:.4g} mm is between {140 * length:.4g} (stiff) and {450 * length:.4g} mm "
@@ -114,7 +155,7 @@ def heart_loop(
         )
 
     def miss(logarithm: float) -> float:
-        beam = Beam(BendingCurve(float(np.exp(logarithm)), 0.0, hysteresis), areal_mass, spread)
+        beam = Beam(known.curve(float(np.exp(logarithm))), areal_mass, known.spread)
         try:
             return elastica.heart_loop(beam, length) - height
         except InputError:
@@ -122,8 +163,9 @@ def heart_loop(
 
     middle = np.log(areal_mass * GRAVITY * (length / 8) ** 3)
     B = np.exp(_root(miss, middle, "heart loop"))
-    untold = [NO_SOFTENING, "its error: one loop"] + ([] if hysteresis else [NO_FRICTION])
-    return Found(BendingCurve(float(B), 0.0, hysteresis), friction_per_m=friction_per_m, untold=tuple(untold))
+    curve = known.curve(float(B))
+    untold = [NO_SOFTENING, "its error: one loop"] + ([] if curve.hysteresis else [NO_FRICTION])
+    return Found(curve, friction_per_m=friction_per_m, untold=tuple(untold))
 
 
 def _rigidity(length: float, angle: float, areal_mass: float, hysteresis: float, spread: float) -> float:

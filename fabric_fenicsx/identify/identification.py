@@ -7,7 +7,7 @@ import numpy as np
 
 from ..errors import InputError
 from ..laws import Array
-from . import branches, curves, listing, markers, origin, records
+from . import bending_fit, branches, curves, listing, markers, origin, records
 from .curves import Estimate, Loading, Readings
 
 WAYS = ("warp", "weft", "shear")
@@ -46,6 +46,7 @@ class Identified:
     yarn_stretch: float | None  # largest, of the marked yarns
     notes: list[str] = field(default_factory=list)
     tested: list[records.Record] = field(default_factory=list)  # all records of force
+    bending: bending_fit.IdentifiedBending | None = None
 
     @property
     def kilby(self) -> float | None:
@@ -87,17 +88,19 @@ class Identified:
         for key in ("nu12", "nu21"):
             if key not in self.poisson:
                 out.append(f"{key}: no dots" + (", assumed" if key in self.tests.assumed else ""))
-        return [*out, f"not tested: {NOT_TESTED}"]
+        out += self.bending.undetermined if self.bending else []
+        return [*out, f"not tested: {NOT_TESTED.replace('bending, ', '') if self.bending else NOT_TESTED}"]
 
     @property
     def fits(self) -> list[str]:
         """How well each curve meets its data, in words."""
         known = self.curves | ({"bias": self.bias} if self.bias else {})
-        return [
+        out = [
             f"{way} curve: {curve.how}, to a strain of {curve.loading.limit:.3g}; "
             f"fit error (rms) {100 * curve.loading.residual:.2g} % of the peak stress"
             for way, curve in known.items()
         ]
+        return out + (self.bending.fits if self.bending else [])
 
     @property
     def doubts(self) -> list[str]:
@@ -170,7 +173,11 @@ def identify(tests: listing.Tests) -> Identified:
     poisson = {
         key: _mean([c.ratio for c in several], [c.patches for c in several]) for key, several in contractions.items()
     }
-    answer = Identified(tests, found, poisson, contractions, bias, bias_records, displacement, stretch, notes, tested)
+    bent = bending_fit.fit(tests.bending, tests.areal_mass) if tests.bending else None
+    notes += bent.notes if bent else []
+    answer = Identified(
+        tests, found, poisson, contractions, bias, bias_records, displacement, stretch, notes, tested, bent
+    )
     return replace(answer, notes=notes + _remarks(answer))
 
 

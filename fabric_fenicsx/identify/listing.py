@@ -26,6 +26,19 @@ Every key; the files that it names are told in `fabric_fenicsx.identify.records`
     nu12 = 0.3
     nu21 = 0.3
     warp_unloading_MPa = 900        # and weft_..., shear_... (dS12/dE12)
+
+    [bending]                       # warp and weft, or leave it out; a list is one number a specimen
+    bias_strip = "narrow"           # free to twist, as one that hangs; "wide": between long grips, as in KES
+
+    [bending.warp]                  # and [bending.weft], [bending.bias]; any of
+    B_gf_cm2_per_cm = [0.10, 0.11]  # KES's numbers, always both, or in uN_m, cN_cm2_per_cm ...
+    2HB_gf_cm_per_cm = [0.05, 0.04] # or in mN, cN_cm_per_cm ...
+    loops = ["warp_loop.csv"]       # a specimen each; as "curvature (1/cm),moment (gf cm/cm)", in the order of the test
+    bending_length_mm = [20.5, 21]  # ASTM D1388, FAST-2: half of the overhang at 41.5 degrees
+    overhang_mm = [30, 40, 50]      # and at each the angle below the horizontal of the line from edge to end
+    angle_deg = [12.5, 25, 38]
+    heart_length_mm = 150           # strip between the grips, and heights from the grip to the lowest point
+    heart_height_mm = [61.5, 62]
 """
 
 import tomllib
@@ -35,6 +48,7 @@ from pathlib import Path
 from typing import Any
 
 from ..errors import InputError
+from . import bending_tests
 from .records import Strip
 
 TEXTS = ("name", "label", "material", "weave")
@@ -57,6 +71,12 @@ class Tests:
     assumed: dict[str, float]
     columns: list[str] = field(default_factory=list)
     preload: float | None = None  # N
+    bending: bending_tests.BendingTests | None = None
+
+    @property
+    def areal_mass(self) -> float:
+        """kg/m2."""
+        return self.density * self.strip.thickness
 
 
 def read(path: str | Path) -> Tests:
@@ -67,7 +87,7 @@ def read(path: str | Path) -> Tests:
         raise InputError(f"{path}: cannot be read ({error.strerror}); give the path of a list of tests.") from error
     except ValueError as error:
         raise InputError(f"{path}: is not TOML ({error}); correct it there.") from error
-    _expect(path, "", entries, (*TEXTS, *NUMBERS, "records"), ("source", "columns", "preload_N", "assumed"))
+    _expect(path, "", entries, (*TEXTS, *NUMBERS, "records"), ("source", "columns", "preload_N", "assumed", "bending"))
     for key in (*TEXTS, "source"):
         if not isinstance(entries.get(key, "-"), str) or not entries.get(key, "-").strip():
             raise InputError(f"{path}: {key} is not a text; write at least one word in double quotes.")
@@ -99,6 +119,7 @@ def read(path: str | Path) -> Tests:
         {key: _number(path, f"assumed.{key}", value, zero=key in RATIOS) for key, value in assumed.items()},
         columns,
         _number(path, "preload_N", entries["preload_N"], zero=True) if "preload_N" in entries else None,
+        bending_tests.read(path, entries["bending"]) if "bending" in entries else None,
     )
 
 

@@ -68,7 +68,7 @@ def fit_loop(curvature: ArrayLike, moment: ArrayLike) -> Found:
 
     def miss(p: Array) -> Array:
         face, back, spread = unpack(p)
-        return (_moments(K, face, back, spread, virgin) - M) / top + p[5]
+        return (moments(K, face, back, spread, virgin) - M) / top + p[5]
 
     # B, face against back, B2, HB, spread (1/m), offset
     p = np.array([1.0, 0.0, 0.0, max(friction, 1e-3), FRICTION_PER_M, 0.0])
@@ -118,7 +118,7 @@ def _spread_out(x: Array, used: Array) -> Array:
     return whole
 
 
-def _moments(K: Array, face: BendingCurve, back: BendingCurve, spread: float, virgin: bool) -> Array:
+def moments(K: Array, face: BendingCurve, back: BendingCurve, spread: float, virgin: bool) -> Array:
     """Moments along a path of curvatures; one that does not begin flat has been gone through before."""
     law = Bending(BendingCurves(face, face, face, (back, back), friction_per_m=spread))
     state, point = law.initial_state[None].copy(), np.zeros((1, 3))

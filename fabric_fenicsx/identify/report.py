@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..laws import Array
+from . import bending_panels
 from .identification import WAYS, Curve, Identified
 
 if TYPE_CHECKING:
@@ -35,9 +36,15 @@ def draw(found: Identified) -> "Figure":
     for i, way in enumerate(WAYS):
         _curve(figure.add_subplot(grid[0, i]), found, way)
         _misfit(figure.add_subplot(grid[1, i]), found, way)
+    panels = bending_panels.of(found.bending) if found.bending else []
+    row = grid[2, :].subgridspec(1, 3 + len(panels), wspace=0.36 + 0.2 * len(panels))
     for i, (key, test) in enumerate((("nu12", "warp test"), ("nu21", "weft test"))):
-        _ratio(figure.add_subplot(grid[2, i]), found, key, test)
-    _bias(figure.add_subplot(grid[2, 2]), found)
+        _ratio(figure.add_subplot(row[i]), found, key, test)
+    _bias(figure.add_subplot(row[2]), found)
+    for i, (title, x, y, panel) in enumerate(panels, 3):
+        axes = figure.add_subplot(row[i])
+        _frame(axes, title, x, y, True)
+        panel(axes)
     axes = figure.add_subplot(grid[3, :])
     axes.axis("off")
     axes.text(-0.05, 0.97, _table(found), family="monospace", size=7, va="top", linespacing=1.35, parse_math=False)
@@ -164,6 +171,7 @@ def _table(found: Identified) -> str:
         if found.yarn_stretch is not None:
             line += f"; largest yarn stretch {found.yarn_stretch:.3f}"
         lines.append(line)
+    lines += found.bending.fits if found.bending else []
     lines += ["", "not determined", *(f"- {word}" for word in found.undetermined)]
     if found.notes:
         lines += ["", "remarks", *(f"- {note}" for note in found.notes)]

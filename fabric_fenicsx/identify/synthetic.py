@@ -1,7 +1,8 @@
 """Synthetic records of a known fabric, with seeded noise, to try the identification on: not measured, and marked so.
 
 The warp, weft and bias tests of section 3.3 at a material point: uniaxial stress, so that the strip is homogeneous,
-as the thesis takes it to be in the middle. Load to the displacement of Table 3.4, unload until the force is gone.
+as the thesis takes it to be in the middle. Load to the displacement of Table 3.4, unload until the force is gone. A
+fabric with bending has its bending tests besides (`synthetic_bending`).
 """
 
 from pathlib import Path
@@ -13,6 +14,7 @@ from ..fabrics import Fabric
 from ..laws import Array, driver
 from ..laws.stability import rotate_strain
 from ..laws.woven import Woven
+from . import synthetic_bending
 
 RATE = 0.003  # nominal strain per second (3.3.2)
 PER_SECOND = 25.0  # readings
@@ -39,12 +41,14 @@ def write(fabric: Fabric, folder: str | Path, specimens: int = 3, noise: float =
             if way != "bias":
                 _dots(folder / f"{way}_{k}_dots.csv", word, ideal, noise, rng)
                 files.setdefault(f"{way}_dots", []).append(f"{way}_{k}_dots.csv")
+    bent = synthetic_bending.write(fabric, folder, specimens, noise, rng, word) if fabric.bending else ""
     listed = "\n".join(f"{key} = {names}".replace("'", '"') for key, names in files.items())
     (folder / "tests.toml").write_text(
         f'{word}name = "{fabric.name} again"\nlabel = "{fabric.label}"\nmaterial = "{fabric.material}"\n'
         f'weave = "{fabric.weave}"\nthickness_mm = {1e3 * fabric.thickness:g}\ndensity_kg_per_m3 = {fabric.density:g}\n'
         f"gauge_length_mm = {1e3 * fabric.gauge_length:g}\nwidth_mm = {1e3 * fabric.width:g}\n"
-        f'source = "synthetic records of {fabric.name}, {noise:.0%} noise, seed {seed}"\n\n[records]\n{listed}\n',
+        f'source = "synthetic records of {fabric.name}, {noise:.0%} noise, seed {seed}"\n\n[records]\n{listed}\n\n'
+        + bent,
         encoding="utf-8",
     )
     return folder / "tests.toml"

@@ -20,6 +20,8 @@ from .cleaning import seconds
 
 SPACES = r"\s+(?![\[(])"  # a unit in brackets belongs to the name before it
 SHOWN = 4  # names of a column that the sentence on a missing head tells
+EXAMPLES = {"force": "N", "length": "mm", "time": "s", "ratio": "%", "angle": "deg", "curvature": "1/cm"}
+EXAMPLES |= {"moment per width": "gf cm/cm"}
 FEW = 8  # lines below another head that are no test, but a summary
 
 
@@ -41,7 +43,7 @@ class Table:
         """Kind of a column's unit, one of `kinds`, and the column in SI; refuses a unit that is missing or wrong."""
         unit = self.columns[index][1]
         head = f"{self.file}: column {self.headers[index]!r}"
-        example = {"force": "N", "length": "mm", "time": "s", "ratio": "%", "angle": "deg"}[kinds[0]]
+        example = EXAMPLES[kinds[0]]
         name = self.columns[index][0]
         if unit is None:
             raise InputError(f"{head} has no unit; write it into the name, as in '{name} ({example})'.")
