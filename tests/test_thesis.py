@@ -93,6 +93,10 @@ def check_numbers(page, folder):
     fall = answer(folder, "drape continuous blend")
     assert f"{fall['history']['centre_z_m'][-1]:.3f}" in words and f"{fall['imbalance_percent']:.2f} %" in words
     assert "8 + 826 E" in words and "Every row of Table 7.1 that is shown is reproduced" in words
+    laws, strips = answer(folder, "laws blend"), answer(folder, "clamped blend")
+    assert f"{laws['continuous']['loop']['share']:.2g} times what is stored" in words
+    assert abs(laws["potential"]["warp"]["misfit_percent"]) < 1e-8 and laws["potential"]["loop"]["share"] < 1e-12
+    assert set(strips) == {f"{way} {law}" for way in ("warp", "weft") for law in ("printed", "continuous", "potential")}
     assert "44 % at 0.3" in words, "what the thesis says itself"
 
 
@@ -199,7 +203,7 @@ def test_the_worst_loop_lies_where_the_fabric_was_tested(monkeypatch, coupling):
 def test_numbers_of_chapter_7_are_typed_in_one_place_only():
     """No room of the report that writes sentences has a number with a decimal point in its sentences."""
     for path in sorted((DEMOS / "thesis" / "chapter7").glob("*.py")):
-        if path.stem in ("parameters", "strips", "shearing", "sheets", "left_open"):
+        if path.stem in ("parameters", "strips", "shearing", "sheets", "left_open", "three_laws"):
             for line in path.read_text().splitlines():
                 for text in re.findall(r'f?"([^"]*)"', line):
                     typed = re.sub(r"\{[^}]*\}", "", text)

@@ -72,8 +72,11 @@ def listed(quick=False):
         cases.append(Case(name, function, settings))
 
     if quick:
-        add("drape continuous blend", "motion.drape", fabric="blend", times=(0.0, 0.02), most=100, cells=4, end=0.02)
+        fall = {"fabric": "blend", "times": (0.0, 0.02), "most": 100, "cells": 4, "end": 0.02}
+        add("drape continuous blend", "motion.drape", law="continuous", **fall)
         add("loops blend", "points.loops", fabric="blend", trials=50, generations=1, parts=50)
+        add("laws blend", "points.laws", fabric="blend", steps=20, trials=50, generations=1, parts=50)
+        add("clamped blend", "statics.clamped", fabric="blend", steps=4, cells=(9, 3))
         add("cycles blend", "statics.cycles", fabric="blend", steps=6, cells=(9, 3), shots=("bias",))
         add("material blend", "points.material", fabric="blend", steps=20)
         add("shear sign blend", "statics.shear", fabric="blend", cycle="sign", steps=6)
@@ -85,13 +88,17 @@ def listed(quick=False):
         words = " no shear hysteresis" * bool(more)
         add(f"{name} {law} blend{words}", f"motion.{name}", fabric="blend", law=law, **{**scenes[name], **more})
     for fabric in NAMES:
-        add(f"poke continuous {fabric}", "motion.poke", fabric=fabric, **scenes["poke"])
+        for law in "continuous", "potential":
+            add(f"poke {law} {fabric}", "motion.poke", fabric=fabric, law=law, **scenes["poke"])
     add("poke svk blend", "motion.poke", fabric="blend", law="svk", **scenes["poke"])
     for fabric in NAMES:
-        add(f"drape continuous {fabric}", "motion.drape", fabric=fabric, **scenes["drape"])
+        for law in "continuous", "potential":
+            add(f"drape {law} {fabric}", "motion.drape", fabric=fabric, law=law, **scenes["drape"])
+        add(f"clamped {fabric}", "statics.clamped", fabric=fabric, steps=20, cells=(36, 12))
         mesh = {"cells": (24, 8), "element": "regge", "laws": ("continuous",)}
         add(f"refined {fabric}", "statics.cycles", fabric=fabric, steps=20, **mesh)
         add(f"loops {fabric}", "points.loops", fabric=fabric, trials=1000, generations=25, parts=300)
+        add(f"laws {fabric}", "points.laws", fabric=fabric, steps=200, trials=1000, generations=25, parts=300)
     add("buckled blend", "statics.buckled", fabric="blend", steps=20, cells=(24, 8), height_mm=0.1)
     counts = (10, 20, 40, 80, 160)
     for fabric in NAMES:
@@ -102,7 +109,7 @@ def listed(quick=False):
         add(f"material {fabric}", "points.material", fabric=fabric, steps=20)
         add(f"steps {fabric}", "points.steps_at_a_point", fabric=fabric, counts=counts)
     for fabric in LOWERED:
-        lowered = {"poisson": "lowered", **scenes["poke"]}
+        lowered = {"poisson": "lowered", "law": "continuous", **scenes["poke"]}
         add(f"poke continuous {fabric} lowered ratios", "motion.poke", fabric=fabric, **lowered)
         add(f"ratios {fabric}", "statics.ratios", fabric=fabric, steps=20, values=(0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8))
     for fabric in "blend", "denim":

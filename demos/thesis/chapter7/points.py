@@ -4,7 +4,7 @@ import closed_loops
 import numpy as np
 
 from fabric_fenicsx import fabrics
-from fabric_fenicsx.laws import driver
+from fabric_fenicsx.laws import driver, named
 from fabric_fenicsx.laws.printed import Printed
 from fabric_fenicsx.laws.svk import StVenantKirchhoff
 from fabric_fenicsx.laws.woven import Woven
@@ -73,6 +73,28 @@ def material(fabric, steps):
         "bias": float(little.stress[0, 0] / 1e-6 / 1e6),
         "shear": float(given.shear.modulus[0] / 1e6),
     }
+    return found
+
+
+def laws(fabric, steps, trials, generations, parts):
+    """Every law that was fitted to a fabric: curves, contractions, equal strain along both yarns, the worst loop."""
+    given, found = fabrics.load(fabric), {}
+    for name, kind in named.MEASURED.items():
+        law = kind(given)
+        found[name] = {"biaxial": {}, "loop": closed_loops.worst(law, trials, generations, parts)}
+        half = np.linspace(0, min(given.warp.limit, given.weft.limit) / 2, steps + 1)[1:]
+        both = driver.run(law, np.column_stack([half, half, 0 * half])).stress
+        for (way, yarn), nu in zip(YARNS.items(), given.poisson["measured"], strict=True):
+            curve = getattr(given, way)
+            path = driver.uniaxial(law, np.linspace(0, curve.limit, steps + 1)[1:], direction=yarn)
+            E, S, across = path.strain[:, yarn], path.stress[:, yarn], path.strain[:, 1 - yarn]
+            miss = 100 * (S - curve.stress(E)) / curve.stress(curve.limit)
+            found[name][way] = {
+                "misfit_percent": float(miss[np.abs(miss).argmax()]),
+                "poisson": float(-across[-1] / E[-1]),
+                "nu": nu,
+            }
+            found[name]["biaxial"][way] = float(both[-1, yarn] / curve.stress(half[-1]))
     return found
 
 

@@ -101,6 +101,16 @@ def cycles(fabric, steps, cells, element="bilinear", kinds=("measured",), laws=(
     return found
 
 
+def clamped(fabric, steps, cells):
+    """Cyclic tests along the yarns between clamps, of quadratic cells, with every law that was fitted to a fabric."""
+    given = fabrics.load(fabric)
+    return {
+        f"{way} {law}": test(tensile.Case(given, WAYS[way], law, cells=tuple(cells), steps=steps))
+        for way in ("warp", "weft")
+        for law in named.MEASURED
+    }
+
+
 def off_axis(fabric, steps, angles, meshes, shots=False):
     """Cyclic tests with the warp at some angles to the load, the ends free to contract; meshes: cells of each."""
     given, found = fabrics.load(fabric), {}
@@ -126,8 +136,8 @@ def reload(fabric, steps):
 def buckled(fabric, steps, cells, height_mm):
     """Warp test of a shell strip that is not quite flat, pushed back to where it began."""
     case = tensile.Case(
-        fabrics.load(fabric), steps=steps, cells=tuple(cells), kinematics="shell", imperfection=height_mm * 1e-3,
-        whole=True,
+        fabrics.load(fabric), law="continuous", steps=steps, cells=tuple(cells), kinematics="shell",
+        imperfection=height_mm * 1e-3, whole=True,
     )  # fmt: skip
     scene, views = tensile.strip(case), {}
     shown, heights = tensile.sheet(case, scene[0], scene[2]), []
