@@ -188,6 +188,28 @@ def test_a_flap_swings_on_its_crease_as_a_pendulum():
     assert ledger.worst < 5e-3 * ledger.most and ledger.most > 0
 
 
+@pytest.mark.parametrize("kinematics", ["shell", "membrane"])
+@pytest.mark.parametrize("group", ["left", "top"])
+def test_a_rule_of_one_point_does_not_spoil_another(group, kinematics):
+    """As FFCx 0.11 does where both are in one kernel: what both need is taken from the one point."""
+    cloth = panels(MPI.COMM_SELF, kinematics=kinematics)
+    cloth.q.x.array[:] += 0.01 * np.random.default_rng(0).standard_normal(len(cloth.q.x.array))
+    one, two = (supports.over(cloth.domain, group, degree) for degree in (1, 2))
+    first, second = cloth.u[0] * cloth.v[0] * one, cloth.u[0] ** 3 * cloth.v[0] * two
+
+    def force(*forms):
+        total = np.zeros(len(cloth.q.x.array))
+        for part in forms:
+            for term in form.terms_of(part, cloth.q):
+                term.evaluate()
+                term.add_force(total)
+        return total
+
+    apart = force(first) + force(second)
+    for together in (first + second, second + first):
+        assert np.abs(force(together) - apart).max() < 1e-12 * np.abs(force(second)).max()
+
+
 @pytest.mark.parallel
 def test_a_term_between_cells_is_refused_where_it_would_miss_some():
     cloth = panels(COMM, ghosts=False)

@@ -192,7 +192,9 @@ def from_energy(energy: Form, q: fem.Function) -> FormTerm:
 
 
 def terms_of(residual: Residual, q: fem.Function, rate: Rate | None = None) -> list[Term]:
-    """The terms of a residual. In a motion, parts of a form with a law, with a velocity and without are told apart.
+    """The terms of a residual. Parts of a form with one point a cell and with more are told apart, as they have to be.
+
+    In a motion, parts with a law, with a velocity and without are, too.
 
     rate: of the motion.
     """
@@ -206,13 +208,15 @@ def terms_of(residual: Residual, q: fem.Function, rate: Rate | None = None) -> l
 
 
 def _split(form: Form, rate: Rate | None) -> list[Form]:
-    if rate is None:
-        return [form] if form.integrals() else []
     kinds: dict[Any, list[Any]] = {}
-    for integral in expand_derivatives(form).integrals():
-        alone = Form([integral])
-        kind = bool(plain(alone)[1]), rate[0] in alone.coefficients()
-        kinds.setdefault(kind, []).append(integral)
+    for integral in (form if rate is None else expand_derivatives(form)).integrals():
+        # in a kernel of several rules, FFCx 0.11 takes what it computes for a single point as constant in the cell, and
+        # uses it at the points of the others too
+        kind = [integral.metadata().get("quadrature_degree") in (0, 1)]
+        if rate is not None:
+            alone = Form([integral])
+            kind += [bool(plain(alone)[1]), rate[0] in alone.coefficients()]
+        kinds.setdefault(tuple(kind), []).append(integral)
     return [Form(integrals) for integrals in kinds.values()]
 
 
