@@ -10,9 +10,10 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
-from fabric_fenicsx import sheet
+from fabric_fenicsx import fabrics, sheet
 from fabric_fenicsx.errors import InputError
 from fabric_fenicsx.laws.svk import StVenantKirchhoff
+from fabric_fenicsx.scenes import building, reading, running
 from fabric_fenicsx.shell import bodies
 from fabric_fenicsx.solvers import checkpoint, linear, statics
 from fabric_fenicsx.surfaces import meshing
@@ -258,3 +259,54 @@ def test_what_cannot_be_a_rigid_body_is_refused():
         cloth.explicit(MASS, supports.clamp(cloth.domain, cloth.space, "fixed_end"))
     with pytest.raises(InputError, match="less than two nodes with directors"):
         strip("p2cr1", MPI.COMM_SELF, ny=1)
+
+
+SCENE = """
+[mesh]
+file = "{mesh}"
+numbers = {{ length = 0.2, width = 0.05, nx = 16, ny = 2 }}
+[sheet]
+fabric = "blend"
+law = "svk"
+layers = 3
+kinematics = "{kind}"
+[[support]]
+at = "fixed_end"
+kind = "clamp"
+[[support]]
+at = "pulled_end"
+kind = "rigid"
+[[load]]
+kind = "moment"
+at = "pulled_end"
+moment_N_m_per_m = [0, {moment}, 0]
+[statics]
+steps = 4
+[[probe]]
+name = "end"
+at = "pulled_end"
+axis = "z"
+"""
+
+
+@pytest.mark.filterwarnings("ignore:.* is assumed")
+def test_a_scene_with_a_moment_on_a_rigid_end(tmp_path):
+    """An arc whose curvature is between M/D of a plate, D = E h^3/12 (1 - nu12 nu21), and that of a narrow strip."""
+    fabric = fabrics.load("blend")
+    (nu12, nu21), h = fabric.poisson["measured"], fabric.thickness
+    stiffness = fabric.warp.modulus[0] * h**3 / 12 / (1 - nu12 * nu21)
+    angle = 1.0
+    text = SCENE.format(mesh=meshing.MESHES / "strip.geo", kind="shell", moment=-angle / LENGTH * stiffness)
+    (tmp_path / "arc.toml").write_text(text)
+    (tmp_path / "out").mkdir()
+    table = running.run(reading.read(tmp_path / "arc.toml"), tmp_path / "out", progress=False)
+    # free to curve across, a strip is softer than that, a wide one is not
+    low, high = (LENGTH * (1 - np.cos(a)) / a for a in (angle, angle / (1 - nu12 * nu21)))
+    rise = table.column("end_z_m")[-1]
+    assert 0.999 * low < rise < 1.001 * high
+    assert np.abs(table.column("fixed_end_y_Nm")[-1]) == pytest.approx(angle / LENGTH * stiffness * WIDTH, rel=1e-4)
+    assert "pulled_end_z_N" not in (tmp_path / "out" / "history.csv").read_text()
+
+    (tmp_path / "arc.toml").write_text(text.replace('"shell"', '"membrane"').replace("layers = 3", ""))
+    with pytest.raises(InputError, match="'pulled_end' is rigid, which needs kinematics = 'shell'"):
+        building.build(reading.read(tmp_path / "arc.toml"), MPI.COMM_SELF)

@@ -151,7 +151,12 @@ def _hold(cloth: Sheet, support: Support) -> tuple[list[fem.DirichletBC], Callab
         value = fem.Constant(domain.mesh, 0.0)
         return supports.lead(domain, space, at, support.axis, value), _setter(value, support.shift[0])
     if cloth.shell is None:
-        raise InputError(f"The support at {at!r} is a grip, which needs kinematics = 'shell'; a membrane can be led.")
+        raise InputError(
+            f"The support at {at!r} is {support.kind}, which needs kinematics = 'shell'; a membrane can be led."
+        )
+    if support.kind == "rigid":
+        supports.rigid(domain, cloth.shell, at)
+        return [], rest
     conditions, move = supports.grip(domain, cloth.shell, at)
     shift, turn = np.array(support.shift), np.array(support.turn)
     return conditions, lambda part: move(part * shift, part * turn, support.about)
@@ -159,16 +164,21 @@ def _hold(cloth: Sheet, support: Support) -> tuple[list[fem.DirichletBC], Callab
 
 def _work(cloth: Sheet, load: Load, value: fem.Constant) -> Form:
     """Virtual work of a load."""
-    needed = {"point": (0, "points"), "edge": (1, "edges")}.get(load.kind, (2, "cells"))
+    needed = {"point": (0, "points"), "edge": (1, "edges"), "moment": (1, "edges")}.get(load.kind, (2, "cells"))
     dx = cloth.dx
     if load.at:
         if needed[0] not in cloth.domain.dims(load.at):
             raise InputError(f"The load {load.kind!r} at {load.at!r} needs a group of {needed[1]}; name one.")
-        dx = supports.over(cloth.domain, load.at, degree=2, dim=needed[0])
+        dx = supports.over(cloth.domain, load.at, degree=1 if load.kind == "moment" else 2, dim=needed[0])
     if load.kind == "gravity":
         return weakform.gravity(cloth.areal_mass, value, cloth.v, dx)
     if load.kind == "pressure":
         return weakform.pressure(value, cloth.u, cloth.v, dx)
     if load.kind == "surface":
         return weakform.surface_traction(value, cloth.v, dx)
+    if load.kind == "moment":
+        if cloth.shell is None:
+            raise InputError(f"The moment at {load.at!r} needs kinematics = 'shell'; a membrane feels none.")
+        turning = weakform.drilling_moment(value, cloth.u, cloth.v, cloth.director, cloth.delta, dx)
+        return weakform.edge_moment(value, cloth.director, cloth.delta, dx) + turning
     return ufl.inner(value, cloth.v) * dx

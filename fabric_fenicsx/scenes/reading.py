@@ -31,14 +31,16 @@ Every key, with its default where it has one:
 
     [[support]]                                 # as many as are needed
     at = "corners"                              # a named group of the mesh
-    kind = "lead"                               # hinge; clamp; symmetry: axis; grip: shift_m, turn_deg, about_m
+    kind = "lead"                               # hinge; clamp; symmetry: axis; grip: shift_m, turn_deg, about_m;
+                                                # rigid: in itself only, it moves as one under its loads
     axis = "z"
     shift_m = 0.1                               # of a grip three numbers
     path = [[0, 0], [1, 1]]                     # how much of the move, over the load part (statics) or the time in s
 
     [[load]]
     kind = "gravity"                            # pressure, along the normal: pressure_Pa; surface: force_N_per_m2;
-    acceleration_m_per_s2 = [0, 0, -9.81]       # edge: force_N_per_m; point: force_N; `at`: only these need it
+    acceleration_m_per_s2 = [0, 0, -9.81]       # edge: force_N_per_m; moment, of an edge too: moment_N_m_per_m; point:
+                                                # force_N; `at`: only these three need it
     path = [[0, 1]]                             # how much of it, as above; in statics [[0, 0], [1, 1]]
 
     [statics]                                   # or [dynamics]
@@ -84,6 +86,7 @@ LOADS = {
     "pressure": ("pressure_Pa", 1),
     "surface": ("force_N_per_m2", 3),
     "edge": ("force_N_per_m", 3),
+    "moment": ("moment_N_m_per_m", 3),
     "point": ("force_N", 3),
 }
 """Kind of load -> key of its value, and how many numbers that is."""
@@ -237,11 +240,11 @@ def _once(tables: list[Table], claims: list[list[tuple[str, str]]], reason: str,
 
 def _axes(support: Support) -> str:
     """The axes along which a support holds or leads."""
-    return AXES[support.axis] if support.kind in ("lead", "symmetry") else "xyz"
+    return {"lead": AXES[support.axis], "symmetry": AXES[support.axis], "rigid": ""}.get(support.kind, "xyz")
 
 
 def _support(table: Table, dynamic: bool, end: float) -> Support:
-    kinds = {"hinge": "", "clamp": "", "symmetry": "axis", "lead": "axis shift_m", "grip": ""}
+    kinds = {"hinge": "", "clamp": "", "symmetry": "axis", "lead": "axis shift_m", "grip": "", "rigid": ""}
     kind = table.choice("kind", tuple(kinds))
     table.expect(f"at kind {kinds[kind]}", {"lead": "path", "grip": "shift_m turn_deg about_m path"}.get(kind, ""))
     zero: Vector = (0.0, 0.0, 0.0)
@@ -262,7 +265,7 @@ def _load(table: Table, dynamic: bool) -> Load:
     if not kind:
         table.refuse("kind", "is missing", f"write one of {', '.join(LOADS)}")
     key, count = LOADS[kind]
-    needs_place = kind in ("edge", "point")
+    needs_place = kind in ("edge", "moment", "point")
     table.expect(f"kind {key}" + (" at" if needs_place else ""), "path" + ("" if needs_place else " at"))
     value = table.numbers(key, 3) if count == 3 else (table.number(key, table.entries[key]),)
     at = table.text("at") if "at" in table.entries else ""

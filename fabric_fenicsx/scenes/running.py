@@ -25,7 +25,8 @@ def run(scene: Scene, out: Path, progress: bool = True, resume: Path | bool | No
     built = build(scene)
     cloth = built.cloth
     steps, solver, going = _start(built, progress)
-    held = {s.at: [supports.unknowns(cloth.domain, cloth.space, s.at, k) for k in range(3)] for s in scene.supports}
+    names = [support.at for support in scene.supports if support.kind != "rigid"]
+    held = {at: [supports.unknowns(cloth.domain, cloth.space, at, k) for k in range(3)] for at in names}
     everything = {at: supports.unknowns(cloth.domain, cloth.space, at) for at in held}
 
     def probes(step: Step) -> dict[str, float]:
