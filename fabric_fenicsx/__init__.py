@@ -38,6 +38,8 @@ Rooms, in the order in which a scene goes through them, and their names; each ro
 - `solvers.motion`: their masses: `Motion`
 - `solvers.energy`: where the work goes: `Ledger`; `solvers.checkpoint`: `save`, `load`, `guard`
 - `output.recording`: all that a run leaves behind, in one line: `Recorder`; `output.showing`: `Plain`
+- `contact.contact`: of a sheet with bodies and with itself: `Contact`; `contact.bodies`: `Plane`, `Sphere`, `Cylinder`,
+  `Capsule`, `Box`, `Surface`
 - `output.results`: histories: `folder`, `Table`, `Average`, `on_root`; `output.fields`: for ParaView: `Fields`
 - `output.pictures`: a sheet: `picture`; `output.series`: from its fields, and films: `Series`
 - `plots`: curves of one look: `panels`, `label`, `legend`, `style`, `series`
@@ -49,7 +51,9 @@ The other rooms serve these: `surfaces.checking`, `surfaces.grouping` and `surfa
 `surfaces.importing`, `surfaces.gmsh_models`, `surfaces.geo_programs` (what a `.geo` may not do), `surfaces.abaqus`,
 `surfaces.abaqus_lines`, `surfaces.abaqus_parts` and `surfaces.polygon_files`; `shell.rotation` and `shell.dirichlet`
 the directors, `terms.kernels` the stiffness, `solvers.tangent` the matrix, `solvers.stepper`, `solvers.step` and
-`solvers.stable_step` the motions, `solvers.held` statics, `solvers.reactions` and `solvers.failures` all of them,
+`solvers.stable_step` the motions, `contact.skin`, `contact.collisions`, `contact.planes`, `contact.surroundings`,
+`contact.pairs`, `contact.barrier` and `contact.friction` contact, `solvers.leading` what leads,
+`solvers.held` statics, `solvers.reactions` and `solvers.failures` all of them,
 `entries` the TOML files, `compiling` the forms that are compiled once and kept,
 `files` and `output.gathering` what is written, `app.doctor` the command.
 
@@ -58,7 +62,8 @@ ends in an exact check, and are meant to be copied and changed.
 
 # What it cannot do
 
-- **Contact and friction.** A sheet goes through itself and through others; folds may cross.
+- **Contact** (`contact`) needs the extra `contact` and is asked for; else a sheet goes through itself and others.
+  Bodies do not move by themselves. Smoothed friction creeps.
 - **Failure.** Yarns do not break, yield, creep or relax: stress depends on strain and on its past, not on time.
 - **Beyond the tests.** A fabric is known up to the largest strain of its tests. From there its curves go on along their
   tangents, and a warning says so once.

@@ -29,6 +29,8 @@ from .terms.points import LawPoints
 from .terms.term import Term
 from .terms.work import InternalWork
 
+type Loads = Form | int | Sequence[Form | Term]
+"""Virtual work of forces, or a list of that and of terms; 0 for nothing."""
 ROTARY = {"thickness": 0.0, "cell": 3.0, "none": None}
 """Inertia of directors -> its `reach` in `weakform.rotary_inertia`.
 
@@ -200,7 +202,7 @@ class Sheet(Showing):
     def equilibrium(
         self,
         bcs: Sequence[fem.DirichletBC],
-        loads: Form | int = 0,
+        loads: Loads = 0,
         rtol: float = 1e-6,
         options: dict[str, object] | None = None,
         *,
@@ -208,7 +210,8 @@ class Sheet(Showing):
     ) -> StableSolver:
         """The solver of this sheet at rest, for `statics.march`; bcs, rtol, options: see `statics.StaticSolver`.
 
-        loads: virtual work of the forces on the sheet, in J; what resists, such as a spring, is negative.
+        loads: virtual work of the forces on the sheet, in J; what resists, such as a spring, is negative. Or a list of
+        such forms and of terms, as of `contact`, which count as they are.
         search: downhill to a stable state, where law and loads have an energy (`descent.StableSolver`), or Newton's
         method alone.
         """
@@ -219,7 +222,7 @@ class Sheet(Showing):
         self,
         areal_mass: Expr | float,
         bcs: Sequence[fem.DirichletBC],
-        loads: Form | int = 0,
+        loads: Loads = 0,
         rho: float = 0.8,
         damping: float = 0.0,
         rotary: str = "cell",
@@ -238,7 +241,7 @@ class Sheet(Showing):
         self,
         areal_mass: Expr | float,
         bcs: Sequence[fem.DirichletBC],
-        loads: Form | int = 0,
+        loads: Loads = 0,
         damping: float = 0.0,
         rotary: str = "cell",
         **settings: Any,
@@ -253,13 +256,14 @@ class Sheet(Showing):
         rotary: str,
         rule: dict[str, Any],
         bcs: Sequence[fem.DirichletBC],
-        loads: Form | int,
+        loads: Loads,
         settings: dict[str, Any],
     ) -> tuple[Any, Ledger]:
         moved = motion.Motion(self.q, self.mass(areal_mass, rotary), self.shell, velocity=self._velocity, **rule)
         run = kind(moved, self._residual(loads), bcs, **settings)
         return run, Ledger(run)
 
-    def _residual(self, loads: Form | int) -> list[Form | Term]:
+    def _residual(self, loads: Loads) -> list[Form | Term]:
         """Terms of the sheet and of what loads it."""
-        return [*self.terms, -loads] if isinstance(loads, Form) else [*self.terms]
+        parts: Sequence[Any] = loads if isinstance(loads, Sequence) else [loads]
+        return [*self.terms, *(-part if isinstance(part, Form) else part for part in parts if part != 0)]

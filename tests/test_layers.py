@@ -37,7 +37,7 @@ FLOORS = [
         "solvers": [
             {"held"},
             {"linear", "continuation", "checkpoint", "reactions", "tangent", "failures"},
-            {"marching", "motion", "pivots"},
+            {"marching", "motion", "pivots", "leading"},
             {"statics"},
             {"descent"},
             {"step", "stable_step", "stepper"},
@@ -48,6 +48,17 @@ FLOORS = [
     {"output": [{"results", "gathering", "showing"}, {"fields", "pictures"}, {"series"}, {"recording"}]},
     {"material"},
     {"sheet"},
+    {
+        "contact": [
+            {"bodies", "skin"},
+            {"planes"},
+            {"collisions"},
+            {"surroundings"},
+            {"pairs"},
+            {"barrier", "friction"},
+            {"contact"},
+        ]
+    },
     {"specimen"},
     {"identify", "scenes"},
     {"app": [{"command", "doctor"}, {"cli"}]},

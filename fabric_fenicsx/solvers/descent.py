@@ -20,6 +20,7 @@ from petsc4py import PETSc
 from ..errors import InputError
 from . import linear
 from .failures import SINGULAR, solve
+from .leading import HELD, balanced
 from .pivots import Pivots
 from .statics import OPTIONS as NEWTON
 from .statics import StaticSolver
@@ -101,10 +102,17 @@ class StableSolver(StaticSolver):
     # -- Newton's method ---------------------------------------------------------------------------------------------
 
     def _descend(self) -> int:
-        x = self.begin()
+        self.begin()
         self.negative = 0
         moved = self._move_supports()
         self._pushed, self._push = not moved, 0.0
+        iterations = balanced(self.terms, self._go_down)
+        if iterations is None:
+            raise self.failure(HELD)
+        return moved + iterations
+
+    def _go_down(self) -> int:
+        x = self._x
         b, E = self._at(x)
         correction, escapes, rises, start = np.inf, 0, 0, None
         for iteration in range(self._most_iterations + 1):
@@ -116,7 +124,7 @@ class StableSolver(StaticSolver):
                 way = self._way_down(x)
                 if not self.descends or way is None:
                     self._take(x)
-                    return moved + self._count
+                    return self._count
                 if escapes == ESCAPES:
                     raise self.failure("every balance is unstable")
                 escapes, rises, start, correction = escapes + 1, 0, None, np.inf
@@ -130,7 +138,7 @@ class StableSolver(StaticSolver):
                 return 0
             self.linear_iterations += 1
             self._cap(p)
-            correction = p.norm() if self._pivots.shift == 0.0 else np.inf
+            correction = self._correction if self._pivots.shift == 0.0 else np.inf
             if self._pivots.shift == 0.0 and (start is None or rises < PATIENCE):
                 start = start or (x.copy(), E, b.copy(), p.copy())
                 x.axpy(-1.0, p)
@@ -187,6 +195,7 @@ class StableSolver(StaticSolver):
     def _cap(self, p: PETSc.Vec) -> None:
         """Shorten a correction so far that terms allow it and no director turns too far."""
         p.scale(TURN / max(self._most(p, self._angles), TURN))
+        self._correction = p.norm()
         p.scale(self.longest_step(-p))
 
     def _most(self, v: PETSc.Vec, where: np.ndarray) -> float:
@@ -239,8 +248,9 @@ class StableSolver(StaticSolver):
 
     def _escape(self, x: PETSc.Vec, E: float, way: PETSc.Vec) -> tuple[PETSc.Vec, float]:
         """Along a mode and twice as far while energy falls; the last residual and energy."""
-        origin, part, best = x.copy(), 1.0, 0.0
-        while part < 1024.0:
+        origin, best, most = x.copy(), 0.0, 1023.0 * self.longest_step(1023.0 * way)
+        part = first = min(1.0, most)
+        while part <= most:
             origin.copy(x)
             x.axpy(part, way)
             energy = self._at(x)[1]
@@ -248,5 +258,5 @@ class StableSolver(StaticSolver):
                 break
             best, E, part = part, energy, 2.0 * part
         origin.copy(x)
-        x.axpy(best or 1.0, way)
+        x.axpy(best or first, way)
         return self._at(x)

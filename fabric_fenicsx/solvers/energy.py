@@ -2,13 +2,16 @@
 
 At every accepted step
 
-    external work = kinetic + recoverable + dissipated by the law, by damping, by the scheme + imbalance.
+    external work = kinetic + recoverable + dissipated by the law, by damping, by the scheme, by friction, by impact
+                    + imbalance.
 
 Terms tell what they store and lose: a law by its own work (`points.LawPoints`), linear laws exactly. Work of the
 others' nodal forces is by the trapezoidal rule, (f0 + f1)/2 . (q1 - q0). The
 scheme's part is (M a0 + M a1)/2 . (q1 - q0) less the change of kinetic energy: zero for the trapezoidal rule, and not
-negative in a linear problem. An explicit motion is weighed every few steps, and tells its scheme's part itself. The
-imbalance is then what no term explains, the error of the finite step; it grows without bound where a run is unstable.
+negative in a linear problem. Impulses act at the end of an implicit step (`motion`), and their work is f1 . (q1 - q0):
+what of it is neither stored nor lost to friction is lost by impact. An explicit motion is weighed every few steps, and
+tells its scheme's part itself. The imbalance is then what no term explains, the error of the finite step; it grows
+without bound where a run is unstable.
 """
 
 from collections.abc import Iterable
@@ -24,6 +27,7 @@ from .newmark import Newmark
 
 type Forces = tuple[Array, Array, Array, Array, Array, float]
 """Owned parts of q, of external, damping and inertia forces, reactions at given unknowns, the scheme's `lag`."""
+LOSSES = "by_law", "by_friction", "by_impact"
 
 
 class Ledger:
@@ -43,14 +47,16 @@ class Ledger:
         self._vector = fempetsc.create_vector(self.motion.q.function_space)
         self._given = self.motion.given[self.motion.given < self._vector.local_size]
         self.totals = dict.fromkeys(
-            ("kinetic", "recoverable", "by_law", "by_damping", "by_scheme", "external", "imbalance"), 0.0
+            ("kinetic", "recoverable", *LOSSES, "by_damping", "by_scheme", "external", "imbalance"), 0.0
         )
         """External work, where it is now, and where it went since the start."""
         self.most = self.worst = 0.0
         """Largest external work and largest imbalance so far, J, without their signs."""
-        self.made = self._dissipated = 0.0
+        self.made = self._dissipated = self._stored = self._stored_next = 0.0
         """By how much, J, what the law has dissipated has fallen at most: energy that a law without potential made."""
         self._explicit = isinstance(run, CentralDifference)
+        self._impulsive = [] if self._explicit else [term for term in run.terms if term.impulsive]
+        self._touches = any(term.impulsive or term.loses == "friction" for term in run.terms)
         run.ledger = self
 
     def start(self) -> None:
@@ -66,16 +72,27 @@ class Ledger:
         dq = q1 - q0
         external = np.sum((r0 + r1) * dq[self._given]) - np.sum((fe0 + fe1) * dq)
         local = [external, np.sum((fd0 + fd1) * dq), np.sum((ma0 + ma1) * dq), 2 * (lag0 - lag1)]
-        lost = sum(term.dissipated() for term in self._run.terms)
-        sums = self.comm.allreduce(np.array([*(0.5 * np.array(local)), lost, self._energies()]))
+        lost = {"law": 0.0, "friction": 0.0}
+        for term in self._run.terms:
+            lost[term.loses] += term.dissipated()
+        sudden = self._sudden(dq) if self._impulsive else (0.0,) * 4
+        supplied = sum(term.supplied() for term in self._run.terms)
+        sums = self.comm.allreduce(
+            np.array([*(0.5 * np.array(local)), *lost.values(), self._energies(), *sudden, supplied])
+        )
         t, kinetic = self.totals.copy(), self.motion.kinetic()
-        t["external"] += sums[0]
+        inertia, met, touching, stored = sums[7:11]
+        t["external"] += sums[0] + met + sums[11]
         t["by_damping"] += sums[1]
         # an explicit scheme tells it in closed form, whatever number of steps has been made
-        t["by_scheme"] += sums[3] if self._explicit else sums[2] - (kinetic - t["kinetic"])
+        t["by_scheme"] += sums[3] if self._explicit else sums[2] - (kinetic - t["kinetic"]) + inertia
         t["kinetic"] = kinetic
         t["by_law"] += sums[4]
-        t["recoverable"] = sums[5]
+        t["by_friction"] += sums[5]
+        t["recoverable"] = sums[6]
+        if self._impulsive:
+            self._stored_next = stored
+            t["by_impact"] += touching + sums[11] - sums[5] - (stored - self._stored)
         explained = sum(value for name, value in t.items() if name not in ("external", "imbalance"))
         t["imbalance"] = t["external"] - explained
         self._totals_next = t
@@ -90,6 +107,7 @@ class Ledger:
         """The step that was weighed has been committed."""
         t = self.totals = self._totals_next
         self._last = self._next
+        self._stored = self._stored_next
         for term in self._run.terms:
             term.watch()
         self.most, self.worst = max(self.most, abs(t["external"])), max(self.worst, abs(t["imbalance"]))
@@ -103,6 +121,7 @@ class Ledger:
             "kinetic_J": t["kinetic"],
             "recoverable_J": t["recoverable"],
             "dissipated_J": t["by_law"],
+            **({"friction_J": t["by_friction"], "impact_J": t["by_impact"]} if self._touches else {}),
             "damped_J": t["by_damping"],
             "scheme_J": t["by_scheme"],
             "external_work_J": t["external"],
@@ -133,10 +152,22 @@ class Ledger:
         for term in self._run.terms:
             term.watch()
         self._last = self._forces()
+        self._stored = self._sum(self._of(self._impulsive))
+
+    def _sudden(self, dq: Array) -> tuple[float, ...]:
+        """Of impulses on this rank, J: work of their inertia, at given unknowns, in all; what they store."""
+        motion = self.motion
+        force = self._assembled(self._impulsive)
+        inertia = np.array(motion.by_mass(motion.jump).array_r) if motion.jump is not None else np.zeros_like(dq)
+        work = [inertia @ dq, (inertia + force)[self._given] @ dq[self._given], force @ dq, self._of(self._impulsive)]
+        return tuple(map(float, work))
+
+    def _of(self, terms: Iterable[Term]) -> float:
+        return sum(energy for term in terms if (energy := term.energy()) is not None)
 
     def _energies(self) -> float:
         """Of all terms that have one, J on this rank."""
-        return sum(energy for term in self._run.terms if (energy := term.energy()) is not None)
+        return self._of(self._run.terms)
 
     def _sum(self, value: float) -> float:
         return float(self.comm.allreduce(value))
@@ -156,4 +187,9 @@ class Ledger:
         inertia = np.array(motion.by_mass(motion.acceleration).array_r)
         lag = self._run.lag() if isinstance(self._run, CentralDifference) else 0.0
         reaction = self._run.forces()[self._given]
+        if self._impulsive:
+            # their part of it acts at the end of the step only
+            reaction = reaction - self._assembled(self._impulsive)[self._given]
+            if motion.jump is not None:
+                reaction -= motion.by_mass(motion.jump).array_r[self._given]
         return motion.q.x.array[: len(inertia)].copy(), external, damping, inertia, reaction, lag

@@ -112,6 +112,8 @@ class CentralDifference(Stepper):
         """One step of `ts`'s length; never raises."""
         motion, dt = self.motion, ts.getTimeStep()
         q, v, a = self.q.x.array, motion.velocity.x.array, motion.acceleration.x.array
+        for term in self.terms:
+            term.prepare(dt)
         v += 0.5 * dt * a
         _drift(q, v, self._displacements, self.directors, dt)
         self.time += dt

@@ -8,6 +8,12 @@ rho in [0, 1], the amplitude that is left of the fastest oscillations after a st
 
 is of second order; rho = 1 is the trapezoidal rule, which dissipates nothing in a linear problem.
 
+An impulsive force f, as that of contact, acts at the end of a step only (Kane, Repetto, Ortiz and Marsden 1999, doi
+10.1016/S0045-7825(99)00034-1): dt f/m in the velocity, dt^2/2 f/m in the place, and nothing in the acceleration with
+which the next step begins. In the equation above it counts alpha_m/(2 beta) times, which makes its part of the place;
+`hit` then sees to the rest. What it takes from the motion, f . (q1 - q0) less the change of its potential, is not
+negative where that is convex, as in backward Euler; other schemes make energy where much of a sheet lands at once.
+
 A shell's directors move on the unit sphere. The rule is applied to d itself, not to its angles, whose
 axes change with every step; after a step its velocity is laid into the tangent plane, and its acceleration
 along d is the -|d'|^2 that keeps its length.
@@ -77,6 +83,9 @@ class Motion:
         }
         """Local arrays at the last accepted step: q, velocity v, acceleration a (not that of the stage)."""
         self._a1 = self.acceleration.x.array.copy()
+        self.jump: fem.Function | None = None
+        """What impulses at the end of the last step have added to the velocity, per second of it."""
+        self._by_mass: PETSc.KSP | None = None
         self.given, self._given_v, self._given_a = np.empty(0, dtype=np.int32), np.empty(0), np.empty(0)
         """Local unknowns whose motion is prescribed."""
         self.mass = fempetsc.assemble_matrix(fem.form(mass))
@@ -112,7 +121,7 @@ class Motion:
 
     def prepare(self, dt: float, given: tuple[Array, Array]) -> None:
         """Before a step of dt in s; given: velocity and acceleration of the `given` unknowns at its end."""
-        self.dt, (self._given_v, self._given_a) = dt, given
+        self.dt, (self._given_v, self._given_a), self.jump = dt, given, None
         self.rate.value = self.gamma / (self.beta * dt)
         self.shift = self.alpha_m / (self.beta * dt**2)
 
@@ -143,6 +152,39 @@ class Motion:
         """Mass times a local array, on this rank's own unknowns."""
         self._rates.x.array[:] = rates
         return np.array(self.by_mass(self._rates).array_r)
+
+    @property
+    def impulses(self) -> float:
+        """What an impulsive force counts within a step; see above."""
+        return self.alpha_m / (2 * self.beta)
+
+    def hit(self, force: PETSc.Vec) -> None:
+        """The step is solved: impulses of a residual `force` (N) act on the velocity, and leave no trace else."""
+        if self._by_mass is None:
+            self._by_mass = self._inverse()
+        right, self.jump = force.copy(), fem.Function(self.q.function_space)
+        right.scale(-1.0)
+        right.array_w[self._fixed] = 0.0
+        self._by_mass.solve(right, self.jump.x.petsc_vec)
+        self.jump.x.scatter_forward()
+        a = self.jump.x.array
+        self._a1 -= a / (2 * self.beta)
+        self.acceleration.x.array[:] -= self.impulses * a
+        self.velocity.x.array[:] += self.dt * (1.0 - self.gamma / (2 * self.beta)) * a
+
+    def _inverse(self) -> PETSc.KSP:
+        """What solves with the mass; unknowns that are given or have no mass stay as they are."""
+        mass = self.mass.copy()
+        first, _ = mass.getOwnershipRange()
+        massless = np.flatnonzero(mass.getDiagonal().array_r == 0.0)
+        self._fixed = np.union1d(self.given[self.given < mass.getLocalSize()[0]], massless)
+        mass.zeroRows((first + self._fixed).astype(PETSc.IntType), 1.0)
+        ksp = PETSc.KSP().create(mass.comm)
+        ksp.setType("cg")
+        ksp.getPC().setType("jacobi")
+        ksp.setTolerances(rtol=1e-13)
+        ksp.setOperators(mass)
+        return ksp
 
     def settle(self) -> None:
         """The step to the present q is solved: lay the motion of directors on their sphere."""
@@ -202,7 +244,7 @@ class Motion:
 
 
 class Mass(Term):
-    """What goes with the mass of a motion: its inertia M a, or its damping a M v.
+    """What goes with the mass of a motion: its inertia M a, with that of impulses, or its damping a M v.
 
     `size` is the largest of its nodal forces at the last `add_force`, N.
     """
@@ -221,6 +263,9 @@ class Mass(Term):
             force.scale(self.motion.damping)
         total[: force.local_size] += force.array_r
         self.size = force.norm(PETSc.NormType.NORM_INFINITY)
+        if self.motion.jump is not None and not self._damps:
+            force = self.motion.by_mass(self.motion.jump)
+            total[: force.local_size] += force.array_r
 
     def pattern(self) -> tuple[Indices, Indices]:
         """See `Term.pattern`."""

@@ -13,10 +13,11 @@ from ..shell.directors import ShellSpace
 from ..shell.dirichlet import check, put
 from ..terms.form import Rate, terms_of
 from ..terms.hook import forget_traversals
-from ..terms.term import Residual, Term
+from ..terms.term import Residual, Term, add_forces
 from . import linear
 from .continuation import Step as Step
 from .failures import REASONS, SINGULAR, blame, failed, solve
+from .leading import HELD, balanced, longest_step
 from .linear import weak
 from .marching import march as march
 from .reactions import Reactions
@@ -64,8 +65,7 @@ class StaticSolver(Reactions):
         self._met, self._pushed, self._sound = True, False, True  # sound: the last Jacobian was finite
         self._nothing = 1e-14 * self.comm.allreduce(np.abs(u.function_space.mesh.geometry.x).max(initial=0.0), MPI.MAX)
         self._fault: Exception | None = None
-        self.residuals: list[float] = []
-        """Norms of the residual in the last solve, N."""
+        self.residuals: list[float] = []  # their norms in the last solve, N
         self.linear_iterations = 0  # of all solves so far; with factors, a linear system takes one
         self._force = fempetsc.create_vector(u.function_space)
         self._x, self._b = (fempetsc.create_vector(self._y.function_space) for _ in range(2))
@@ -103,12 +103,13 @@ class StaticSolver(Reactions):
         if self._shell is not None:
             self._shell.turn(self._y, self.u)
 
-    def _assemble_force(self) -> None:
+    impulses = 1.0  # what forces of impulsive terms count in a residual
+
+    def _assemble_force(self, impulses: float = 1.0) -> None:
         """See `forces`."""
         with self._force.localForm() as local:
             local.set(0.0)
-            for term in self.terms:
-                term.add_force(local.array_w)
+            add_forces(self.terms, local.array_w, impulses)
         self._force.ghostUpdate(PETSc.InsertMode.ADD, PETSc.ScatterMode.REVERSE)
 
     def _residual(self, snes: PETSc.SNES, x: PETSc.Vec, b: PETSc.Vec) -> None:
@@ -125,7 +126,7 @@ class StaticSolver(Reactions):
 
     def assemble(self, x: PETSc.Vec, b: PETSc.Vec) -> None:
         """Residual b (N) at the last x and its stresses, under the present loads; gaps (m) at given unknowns."""
-        self._assemble_force()
+        self._assemble_force(self.impulses)
         if self._transformation is None:
             self._force.copy(b)
         else:
@@ -142,7 +143,7 @@ class StaticSolver(Reactions):
     def _assemble_tangent(self, *right: PETSc.Vec) -> None:
         if self.tangent.follow():
             self.snes.setJacobian(weak(self._jacobian), self.tangent.A)
-        self.tangent.assemble(self._force)
+        self.tangent.assemble(self._force, self.impulses)
         self.tangent.eliminate(self._given_rows, self.symmetric, right)
         self._sound = self.tangent.sound()  # else the next residual is NaN
 
@@ -155,16 +156,7 @@ class StaticSolver(Reactions):
 
     def longest_step(self, change: PETSc.Vec) -> float:
         """The part of a change of the unknowns, from where they were last set, that all terms allow, up to 1."""
-        limited = [term for term in self.terms if type(term).longest_step is not Term.longest_step]
-        if not limited:
-            return 1.0
-        of_u = fem.Function(self.u.function_space)
-        if self._transformation is None:
-            change.copy(of_u.x.petsc_vec)
-        else:
-            self._transformation.mult(change, of_u.x.petsc_vec)
-        of_u.x.scatter_forward()
-        return float(self.comm.allreduce(min(term.longest_step(of_u.x.array) for term in limited), MPI.MIN))
+        return longest_step(self.terms, change, self.u.function_space, self._transformation)
 
     def _shorten(self, x: PETSc.Vec, correction: PETSc.Vec) -> None:
         """Before a line search, which then stays within what the terms allow; PETSc subtracts corrections."""
@@ -183,6 +175,7 @@ class StaticSolver(Reactions):
             self.residuals.append(b.norm())
             correction = b.duplicate()
             fault = solve(self.prepared(b), b, correction) if np.isfinite(self.residuals[-1]) else SINGULAR
+            fault = fault or (HELD if self.longest_step(-correction) < 1.0 else "")
             if fault or not self._sound:
                 raise self.failure(fault or SINGULAR)
             self._x.axpy(-1.0, correction)
@@ -249,6 +242,13 @@ class StaticSolver(Reactions):
         self.begin()
         moved = self._move_supports()
         self._pushed, self._push = self.rate is None and not moved, 0.0
+        iterations = balanced(self.terms, self._balance)
+        if iterations is None:
+            raise self.failure(HELD)
+        return moved + iterations
+
+    def _balance(self) -> int:
+        """Newton's method from the present x on; the number of its iterations."""
         try:
             self.snes.solve(None, self._x)
         except PETSc.Error as error:
@@ -258,7 +258,7 @@ class StaticSolver(Reactions):
         reason = self.snes.getConvergedReason()
         still = self._met and self._correction <= self._nothing  # where forces are round-off, no line is worth a search
         if reason > 0 or (still and reason == PETSc.SNES.ConvergedReason.DIVERGED_LINE_SEARCH):
-            return moved + self.snes.getIterationNumber()
+            return int(self.snes.getIterationNumber())
         if reason == PETSc.SNES.ConvergedReason.DIVERGED_FUNCTION_NANORINF:
             self.residuals.append(np.nan)  # PETSc has not asked `converged` about this one
         raise self.failure(REASONS.get(reason, str(reason)) if self._sound else "Jacobian is not finite")

@@ -8,7 +8,7 @@ from dolfinx import fem
 from petsc4py import PETSc
 
 from ..terms.form import terms_of
-from ..terms.term import Residual
+from ..terms.term import Residual, add_forces
 from .marching import take_up
 from .motion import Mass, Motion
 from .statics import StaticSolver
@@ -31,6 +31,7 @@ class MovingSolver(StaticSolver):
     ) -> None:
         self.motion, self.rate, self._inertia = motion, (motion.velocity, motion.rate), Mass(motion)
         terms = [*terms_of(residual, motion.q, self.rate), self._inertia]
+        self.impulses = motion.impulses
         super().__init__(terms, motion.q, bcs, rtol=rtol, options=options, space=motion.space)
 
     def _take(self, x: PETSc.Vec) -> None:
@@ -41,6 +42,19 @@ class MovingSolver(StaticSolver):
         """As of `StaticSolver`; what is small is measured by the inertia too, for nothing else may hold the sheet."""
         super().assemble(x, b)
         self._size = max(self._size, self._inertia.size)
+
+    def solve(self) -> int:
+        """As of `StaticSolver`; then the impulses at the end of the step are given to the velocity."""
+        for term in self.terms:
+            term.prepare(self.motion.dt)
+        iterations, late = super().solve(), [term for term in self.terms if term.impulsive]
+        if late:
+            with self._force.localForm() as local:
+                local.set(0.0)
+                add_forces(late, local.array_w)
+            self._force.ghostUpdate(PETSc.InsertMode.ADD, PETSc.ScatterMode.REVERSE)
+            self.motion.hit(self._force)
+        return iterations
 
     def commit(self) -> None:
         """Accept the present u and its motion."""
@@ -58,8 +72,9 @@ class MovingSolver(StaticSolver):
         `motion.acceleration` holds what is known of it: at given unknowns, and along directors. Unknowns
         without mass get none.
         """
-        motion = self.motion
+        motion, impulses, self.impulses = self.motion, self.impulses, 0.0
         b = self.residual(self.begin())
+        self.impulses = impulses
         mass = motion.mass if self._transformation is None else motion.mass.ptap(self._transformation)
         massless = np.flatnonzero(mass.getDiagonal().array_r == 0.0) + mass.getOwnershipRange()[0]
         fixed = np.union1d(self._given_rows, massless).astype(PETSc.IntType)

@@ -67,16 +67,18 @@ class Tangent:
             return True
         return False
 
-    def sum_up(self) -> None:
-        """Fill `K` with the stiffness of the terms at their last evaluation."""
+    def sum_up(self, impulses: float = 1.0) -> None:
+        """Fill `K` with the stiffness of the terms at their last evaluation, of impulsive ones times `impulses`."""
         self._values[:] = 0.0
         for term, part in zip(self._terms, self._parts, strict=True):
             term.add_stiffness(part)
+            if term.impulsive:
+                part *= impulses
         self.K.setValuesCOO(self._values)
 
-    def assemble(self, force: PETSc.Vec) -> None:
+    def assemble(self, force: PETSc.Vec, impulses: float = 1.0) -> None:
         """Fill `A`, before any condition; force: sum of the terms' forces in V, at their last evaluation."""
-        self.sum_up()
+        self.sum_up(impulses)
         if self._shell is not None:
             self.K.ptap(self._turn, result=self.A)
             self._shell.add_curvature(self.A, force)

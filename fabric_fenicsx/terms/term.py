@@ -4,7 +4,7 @@ Solvers, the account of energies and checkpoints go over a list of terms and kno
 of a shell (`work`), a UFL form (`form`) and inertia (`solvers.motion`) are terms; so is what a user derives.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Literal
 
 import numpy as np
@@ -36,6 +36,11 @@ class Term:
     """Whether its force has kinks, as that of a measured fabric: implicit motion then takes a line search."""
     account: Literal["external", "damping"] = "external"
     """What its work is in the account of a motion, where it has no energy."""
+    loses: Literal["law", "friction"] = "law"
+    """By what it loses that of which `dissipated` tells."""
+    impulsive = False
+    """Whether its force acts at the end of an implicit time step only, and leaves no trace in the acceleration with
+    which the next step begins; see `solvers.motion`."""
 
     def evaluate(self, tangent: bool = True, stiffest: bool = False) -> bool:
         """At the present unknowns, under the present loads; False where something is not finite.
@@ -61,6 +66,13 @@ class Term:
         """The part of a change of q (local array) that may be taken at most, on this rank; up to 1."""
         return 1.0
 
+    def prepare(self, dt: float) -> None:
+        """Before a time step of dt (s)."""
+
+    def follow(self) -> bool:
+        """Go on, as far as may be at once, to where it is led; False, on every rank, while there is more to go."""
+        return True
+
     def energy(self) -> float | None:
         """What it stores at the last evaluation, J on this rank; None if it has none, and its work is all there is."""
         return None
@@ -74,6 +86,10 @@ class Term:
 
     def dissipated(self) -> float:
         """What it has lost since the last `watch`, J on this rank, at the last evaluation."""
+        return 0.0
+
+    def supplied(self) -> float:
+        """Work that leads it, since the last `watch`, J on this rank, at the last evaluation."""
         return 0.0
 
     def watch(self) -> None:
@@ -97,3 +113,18 @@ class Term:
     def worst(self) -> tuple[float, str]:
         """Largest strain on this rank, infinite where it or its stress is not finite; and where, for a message."""
         return 0.0, ""
+
+
+def add_forces(terms: Iterable[Term], total: Array, impulses: float = 1.0) -> None:
+    """Add the forces (N) of some terms to a local array, those of impulsive ones times `impulses`."""
+    late = []
+    for term in terms:
+        if term.impulsive:
+            late.append(term)
+        else:
+            term.add_force(total)
+    if late and impulses != 0.0:
+        force = np.zeros_like(total)
+        for term in late:
+            term.add_force(force)
+        total += impulses * force

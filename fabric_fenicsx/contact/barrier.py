@@ -1,0 +1,64 @@
+"""The force that keeps surfaces apart, and what leads the bodies: a term with an energy."""
+
+from typing import Any
+
+import numpy as np
+
+from ..laws import Array
+from .pairs import PairTerm
+
+
+class Barrier(PairTerm):
+    """Keeps a sheet from bodies and from itself; no step may go through them. It leads the bodies, and comes last.
+
+    Last among the terms of contact: its `commit` is theirs.
+    """
+
+    symmetric = True
+
+    def _forces(self) -> Array:
+        return self._around.collisions.gradient()
+
+    def _matrix(self) -> Any:
+        return self._around.collisions.hessian()
+
+    def longest_step(self, change: Array) -> float:
+        """See `Term.longest_step`."""
+        return self._around.free_part(change)
+
+    def follow(self) -> bool:
+        """See `Term.follow`."""
+        there = self._around.lead()
+        self.evaluate()
+        return there
+
+    def energy(self) -> float:
+        """See `Term.energy`."""
+        return self._around.collisions.energy() if self._first else 0.0
+
+    def potential(self) -> float:
+        """See `Term.potential`."""
+        return self.energy()
+
+    def _step_work(self) -> float:
+        around, work = self._around, super()._step_work()
+        if self._first and len(around.shifts):
+            near = around.collisions
+            pressed = [near.planes.forces(k, near.nodes, shift).sum(axis=0) for k, shift in enumerate(around.shifts)]
+            work -= float(np.sum(np.array(pressed) * (around.shifts - around.shifts0)))
+        return work
+
+    def commit(self) -> None:
+        """See `Term.commit`."""
+        super().commit()
+        self._around.commit()
+
+    def restore(self) -> None:
+        """See `Term.restore`."""
+        self._around.restore()
+        self.evaluate()
+
+    def renew(self) -> None:
+        """See `Term.renew`."""
+        self._around.renew()
+        super().renew()

@@ -1,0 +1,131 @@
+"""A sheet, what it may touch, and the terms that see to it."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from ..errors import InputError
+from ..laws import Array
+from ..sheet import Sheet
+from ..terms.term import Term
+from .barrier import Barrier
+from .bodies import Body, Plane
+from .collisions import Collisions
+from .friction import Friction
+from .skin import Skin
+from .surroundings import Surroundings
+
+STIFFNESS = 1e3
+"""Pa; see `Contact`."""
+
+
+class Contact:
+    """Contact of a sheet with bodies and with itself; its pieces are sheets that touch each other.
+
+        touch = Contact(cloth, [Sphere(0.3)], friction=0.3)
+        run, ledger = cloth.newmark(mass, bcs, [weight, *touch.terms])
+
+    To be made on every rank, with the sheet where it starts. Raises InputError, on every rank, where it crosses
+    something there. Public: `terms`, for a solver; `bodies`, `offset`, `reach`.
+
+    Args:
+        friction: coefficient, of sliding; static: of sticking, by default the same.
+        itself: whether the sheet may touch itself, or goes through itself.
+        offset: the distance, m, that always stays between nodes' surfaces; by default the largest thickness.
+        reach: beyond the offset, m, from which on surfaces push; by default five times the thickness, and at most a
+            tenth of the shortest edge.
+        stiffness: pressure (Pa) at about half the reach. The force has no limit below that, so that it only decides how
+            near things get: areal mass times speed squared over reach suits an impact.
+        slip: m/s, creep: m, see `friction`.
+    """
+
+    def __init__(
+        self,
+        sheet: Sheet,
+        bodies: Sequence[Body] = (),
+        *,
+        friction: float = 0.0,
+        static: float | None = None,
+        itself: bool = True,
+        offset: float | None = None,
+        reach: float | None = None,
+        stiffness: float = STIFFNESS,
+        slip: float = 1e-3,
+        creep: float = 2e-5,
+    ) -> None:
+        self.bodies, skin = list(bodies), Skin(sheet)
+        edge = _shortest_edge(skin.rest, skin.faces)
+        thickness = max(float(material.thickness) for material in sheet.materials.values())
+        self.offset = thickness if offset is None else offset
+        self.reach = min(5 * thickness, 0.1 * edge) if reach is None else reach
+        static = friction if static is None else static
+        if not (np.isfinite(friction) and 0.0 <= friction <= static < np.inf):
+            raise InputError(f"Friction {friction!r} and static friction {static!r} must be 0 <= friction <= static.")
+        positive = {"offset": self.offset, "reach": self.reach, "stiffness": stiffness, "slip": slip, "creep": creep}
+        for name, value in positive.items():
+            if not (np.isfinite(value) and value > 0.0):
+                raise InputError(f"Contact has {name} = {value!r}, which is not a positive number.")
+        if itself and self.offset + self.reach > 0.5 * edge:
+            raise InputError(
+                f"Contact of the sheet with itself from {self.offset + self.reach:.3g} m on needs edges of twice that, "
+                f"and one is {edge:.3g} m long: take larger cells, a smaller offset or reach, or itself=False."
+            )
+        near = Collisions(skin.rest, skin.faces, bodies, itself, self.offset, self.reach, stiffness)
+        self._around = around = Surroundings(skin, self.bodies, near)
+        if near.crossed() or near.least_gap() <= 0.0:
+            raise InputError(
+                f"The sheet starts across a body or itself, or nearer than the offset of {self.offset:.3g} m; "
+                "start it clear of everything, or take a smaller offset."
+            )
+        self._barrier = Barrier(around)
+        self._friction = [Friction(around, static, friction, slip, creep)] if static > 0.0 else []
+        self.terms: list[Term] = [*self._friction, self._barrier]
+
+    # -- what a user wants to know of the present state ------------------------------------------------------------
+
+    def least_gap(self) -> float:
+        """Least distance less the offset, m; infinite where nothing is within reach."""
+        self._around.place()
+        return self._around.collisions.least_gap()
+
+    def crossed(self) -> bool:
+        """Whether anything has gone through anything, which it must not."""
+        self._around.place()
+        return self._around.collisions.crossed()
+
+    def forces(self) -> Array:
+        """Of contact and friction on the sheet's nodes, (n, 3) in N, in the order of `Skin`."""
+        self._around.place()
+        return -self._all()[: len(self._around.skin.rest)]
+
+    def force(self, body: Body) -> Array:
+        """Of the sheet on a body, 3 numbers in N."""
+        return -self._on(body)[1].sum(axis=0)
+
+    def moment(self, body: Body, about: Sequence[float] = (0.0, 0.0, 0.0)) -> Array:
+        """As `force`: its moment about a point, N m."""
+        x, derivative = self._on(body)
+        return -np.cross(x - np.array(about), derivative).sum(axis=0)
+
+    def _all(self) -> Array:
+        return np.asarray(sum((term._forces() for term in self._friction), self._barrier._forces()))
+
+    def _on(self, body: Body) -> tuple[Array, Array]:
+        """Corners of a body and the derivative of the work by them; of a plane, nodes of the sheet instead."""
+        self._around.place()
+        near = self._around.collisions
+        if isinstance(body, Plane):
+            k = [other for other in self.bodies if isinstance(other, Plane)].index(body)
+            derivative = near.planes.forces(k, near.nodes, near.shifts[k])
+            for term in self._friction:
+                nodes, force, _ = term.of_plane(k)
+                derivative[nodes] += force
+            return near.nodes, -derivative
+        k = [other for other in self.bodies if not isinstance(other, Plane)].index(body)
+        part = slice(near.starts[k], near.starts[k + 1])
+        return near.x[part], self._all()[part]
+
+
+def _shortest_edge(x: Array, faces: np.ndarray) -> float:
+    ends = faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
+    return float(np.linalg.norm(x[ends[:, 0]] - x[ends[:, 1]], axis=1).min())

@@ -1,0 +1,134 @@
+"""What terms of contact share: forces on all corners, and where their stiffness goes in the matrix of a sheet."""
+
+from typing import Any
+
+import numpy as np
+
+from ..laws import Array
+from ..terms.term import Indices, Term
+from .skin import Skin
+from .surroundings import Surroundings
+
+type Entries = tuple[np.ndarray, np.ndarray, np.ndarray]
+"""Pairs of corners as one number each, places in a pair's 3 x 3 entries, values."""
+
+
+class Scatter:
+    """From matrices of all corners to entries between unknowns of the sheet.
+
+    There is room for those within its triangles, for all that bodies do, and for pairs that have touched of late.
+    """
+
+    def __init__(self, skin: Skin) -> None:
+        self._skin, self._n = skin, len(skin.rest)
+        i, j = np.meshgrid(range(3), range(3), indexing="ij")
+        within = skin.faces[:, i.ravel()].ravel(), skin.faces[:, j.ravel()].ravel()
+        self._within = self.keys = self._own(*within)
+        self._before = self.keys[:0]
+
+    def _own(self, i: np.ndarray, j: np.ndarray) -> np.ndarray:
+        """Pairs of corners, the first of this rank, as one sorted number each."""
+        own = (i >= self._skin.mine.start) & (i < self._skin.mine.stop)
+        return np.unique(i[own].astype(np.int64) * self._n + j[own])
+
+    def entries(self, matrix: Any) -> Entries | None:
+        """Pairs, places in a pair's 3 x 3 entries, and values of a sparse matrix of all corners."""
+        if matrix is None:
+            return None
+        i, a = np.divmod(matrix.row, 3)
+        j, b = np.divmod(matrix.col, 3)
+        own = (i >= self._skin.mine.start) & (i < self._skin.mine.stop) & (j < self._n)
+        return i[own].astype(np.int64) * self._n + j[own], 3 * a[own] + b[own], matrix.data[own]
+
+    def covers(self, found: Entries | None) -> bool:
+        """Whether all pairs are among those of `pattern`."""
+        if found is None or not len(found[0]):
+            return True
+        at = np.minimum(np.searchsorted(self.keys, found[0]), len(self.keys) - 1)
+        return bool((self.keys[at] == found[0]).all())
+
+    def pattern(self, found: Entries | None) -> tuple[Indices, Indices]:
+        """Global rows and columns of all entries, with room for these."""
+        now = np.unique(found[0]) if found is not None else self._before[:0]
+        if not self.covers(found):
+            self.keys = np.unique(np.concatenate([self._within, self._before, now]))
+            self._before = now
+        i, j = np.divmod(self.keys, self._n)
+        rows, columns = self._skin.unknowns[i], self._skin.unknowns[j]
+        return np.repeat(rows, 3, axis=1).ravel(), np.tile(columns, (1, 3)).ravel()
+
+    def add(self, found: Entries | None, values: Array) -> None:
+        """Add to the entries of `pattern`."""
+        if found is not None and len(found[0]):
+            values[9 * np.searchsorted(self.keys, found[0]) + found[1]] += found[2]
+
+
+class PairTerm(Term):
+    """A force between corners, edges and triangles that are near each other.
+
+    A class derived from this one gives `_forces`, of all corners (n, 3) in N, and `_matrix`, their derivative by all
+    places, a sparse matrix of SciPy or None.
+    """
+
+    impulsive = True
+    has_kinks = True
+
+    def __init__(self, around: Surroundings) -> None:
+        self._around, self._skin, self._scatter = around, around.skin, Scatter(around.skin)
+        self._first = self._skin.mine.start == 0 and self._skin.mine.stop > 0
+        self._found: Entries | None = None
+        self._supplied = 0.0
+
+    def _forces(self) -> Array:
+        raise NotImplementedError
+
+    def _matrix(self) -> Any:
+        raise NotImplementedError
+
+    def _entries(self) -> Entries | None:
+        if self._found is None:
+            self._found = self._scatter.entries(self._matrix())
+        return self._found
+
+    def evaluate(self, tangent: bool = True, stiffest: bool = False) -> bool:
+        """See `Term.evaluate`."""
+        self._found = None
+        return self._around.place()
+
+    def add_force(self, total: Array) -> None:
+        """See `Term.add_force`."""
+        total[self._skin.local] += self._forces()[self._skin.mine]
+
+    @property
+    def pattern_changed(self) -> bool:  # type: ignore[override]
+        """See `Term.pattern_changed`."""
+        return not self._scatter.covers(self._entries())
+
+    def pattern(self) -> tuple[Indices, Indices]:
+        """See `Term.pattern`."""
+        return self._scatter.pattern(self._entries())
+
+    def add_stiffness(self, values: Array) -> None:
+        """See `Term.add_stiffness`."""
+        self._scatter.add(self._entries(), values)
+
+    def _step_work(self) -> float:
+        """Of what leads the bodies, since the last commit, J on this rank."""
+        around, count = self._around, self._around.collisions.count
+        return float(np.sum((self._forces() * (around.collisions.x - around.x0))[count:])) if self._first else 0.0
+
+    def supplied(self) -> float:
+        """See `Term.supplied`."""
+        return self._supplied + self._step_work()
+
+    def watch(self) -> None:
+        """See `Term.watch`."""
+        self._supplied = 0.0
+
+    def commit(self) -> None:
+        """See `Term.commit`."""
+        self._supplied += self._step_work()
+
+    def renew(self) -> None:
+        """See `Term.renew`."""
+        self.evaluate()

@@ -1,0 +1,60 @@
+"""A sheet as contact sees it: triangles between the nodes of its displacement, the same on every rank."""
+
+import numpy as np
+
+from ..errors import InputError
+from ..laws import Array
+from ..sheet import Sheet
+
+TRIANGLES = {
+    ("triangle", 3): ((0, 1, 2),),
+    ("triangle", 6): ((0, 5, 4), (5, 1, 3), (4, 3, 2), (3, 4, 5)),
+    ("quadrilateral", 4): ((0, 1, 3), (0, 3, 2)),
+}
+"""Cell and number of its nodes -> triangles between them; of a quadratic cell, those of its corners and middles."""
+
+
+class Skin:
+    """The nodes of a sheet's displacement, in the order of the ranks that own them, and the triangles between them.
+
+    Public: `rest` (n, 3), places at rest in m, and `faces` (m, 3); `mine`, the slice of this rank's own nodes;
+    `local` (own, 3), their unknowns in the local array of q, and `unknowns` (n, 3), the global numbers of all.
+    """
+
+    def __init__(self, sheet: Sheet) -> None:
+        self._q, self._comm = sheet.q, sheet.domain.mesh.comm
+        V = sheet.q.function_space
+        if sheet.shell is None:
+            space, where = V, np.arange(len(sheet.q.x.array))
+        else:
+            space, where = V.sub(0).collapse()
+        dofmap, name = space.dofmap, sheet.domain.mesh.basix_cell().name
+        own = dofmap.index_map.size_local
+        self.local = np.array(where).reshape(-1, 3)[:own]
+        first, _ = dofmap.index_map.local_range
+        self.mine = slice(first, first + own)
+        cells = dofmap.list[: sheet.domain.mesh.topology.index_map(2).size_local]
+        try:
+            corners = np.array(TRIANGLES[name, cells.shape[1]])
+        except KeyError:
+            raise InputError(f"Contact does not know the surface of a {name} with {cells.shape[1]} nodes.") from None
+        triangles = dofmap.index_map.local_to_global(cells[:, corners].ravel().astype(np.int32)).reshape(-1, 3)
+        blocks, components = np.divmod(self.local, V.dofmap.index_map_bs)
+        rows = V.dofmap.index_map.local_to_global(blocks.ravel().astype(np.int32)).reshape(-1, 3)
+        self._counts = 3 * np.array(self._comm.allgather(own))
+        self.rest = self._gathered(space.tabulate_dof_coordinates()[:own])
+        self.faces = np.concatenate(self._comm.allgather(triangles)).astype(np.int32)
+        self.unknowns = np.concatenate(self._comm.allgather(rows * V.dofmap.index_map_bs + components))
+
+    def _gathered(self, own: Array) -> Array:
+        result = np.empty((self._counts.sum() // 3, 3))
+        self._comm.Allgatherv(np.ascontiguousarray(own), [result, self._counts])
+        return result
+
+    def moved(self, values: Array) -> Array:
+        """What a local array of the space of q holds at the nodes, (n, 3); to be called on every rank."""
+        return self._gathered(values[self.local])
+
+    def places(self) -> Array:
+        """Where the nodes are now, m."""
+        return self.rest + self.moved(self._q.x.array)

@@ -1,0 +1,68 @@
+"""Where sheet and bodies are, now and at the last commit, and how far they may go."""
+
+import numpy as np
+
+from ..laws import Array
+from .bodies import Body, Plane
+from .collisions import Collisions
+from .skin import Skin
+
+
+class Surroundings:
+    """Sheet and bodies in their places, of the present and of the last commit.
+
+    Public: `skin`, `bodies`, `collisions`; `x0`, all places at the last commit (n, 3), and `shifts0` of the planes.
+    """
+
+    def __init__(self, skin: Skin, bodies: list[Body], collisions: Collisions) -> None:
+        self.skin, self.bodies, self.collisions = skin, bodies, collisions
+        self.led, self.shifts = self._targets()
+        self.place()
+        self.x0, self.shifts0 = collisions.x.copy(), self.shifts.copy()
+
+    def _targets(self) -> tuple[Array, Array]:
+        corners = [body.target for body in self.bodies if not isinstance(body, Plane)]
+        shifts = [body.target[0] - body.rest[0] for body in self.bodies if isinstance(body, Plane)]
+        return np.concatenate([np.empty((0, 3)), *corners]), np.array(shifts).reshape(-1, 3)
+
+    def place(self) -> bool:
+        """Put the sheet where its unknowns are; False if that is nowhere."""
+        return self.collisions.place(np.concatenate([self.skin.places(), self.led]), self.shifts)
+
+    def free_part(self, change: Array) -> float:
+        """The part that is free of a change of q, a local array."""
+        x0 = np.concatenate([self.skin.places(), self.led])
+        x1 = x0.copy()
+        x1[: self.collisions.count] += self.skin.moved(change)
+        if not np.isfinite(x1).all():
+            return 1.0
+        return self.collisions.free_part(x0, x1, np.zeros_like(self.shifts))
+
+    def lead(self) -> bool:
+        """Move the bodies towards their targets, as far as the sheet lets them; whether they are there."""
+        led, shifts = self._targets()
+        if np.array_equal(led, self.led) and np.array_equal(shifts, self.shifts):
+            return True
+        sheet = self.skin.places()
+        x0, x1 = np.concatenate([sheet, self.led]), np.concatenate([sheet, led])
+        part = self.collisions.free_part(x0, x1, shifts - self.shifts)
+        if part == 1.0:
+            self.led, self.shifts = led, shifts
+        else:
+            self.led = self.led + part * (led - self.led)
+            self.shifts = self.shifts + part * (shifts - self.shifts)
+        return part == 1.0
+
+    def commit(self) -> None:
+        """The step to the present places has happened."""
+        self.x0, self.shifts0 = self.collisions.x.copy(), self.shifts.copy()
+
+    def restore(self) -> None:
+        """Back to the last commit."""
+        self.led, self.shifts = self.x0[self.collisions.count :].copy(), self.shifts0.copy()
+
+    def renew(self) -> None:
+        """Places have been set from outside; bodies are where they are led to."""
+        self.led, self.shifts = self._targets()
+        self.place()
+        self.commit()

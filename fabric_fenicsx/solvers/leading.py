@@ -1,0 +1,38 @@
+"""How far a step may go, and how what leads a term gets to its place: in as many parts as the terms ask for."""
+
+from collections.abc import Callable, Sequence
+
+from mpi4py import MPI
+from dolfinx import fem
+from petsc4py import PETSc
+
+from ..terms.term import Term
+
+PARTS = 20
+"""Of the way of what is led in one step, each of which ends in balance."""
+HELD = "what leads the sheet is held back by it"
+
+
+def longest_step(terms: Sequence[Term], change: PETSc.Vec, V: fem.FunctionSpace, turn: PETSc.Mat | None) -> float:
+    """The part of a change of the unknowns that all terms allow, up to 1. turn: dq/dx, where V is not their space."""
+    limited = [term for term in terms if type(term).longest_step is not Term.longest_step]
+    if not limited:
+        return 1.0
+    of_q = fem.Function(V)
+    if turn is None:
+        change.copy(of_q.x.petsc_vec)
+    else:
+        turn.mult(change, of_q.x.petsc_vec)
+    of_q.x.scatter_forward()
+    return float(V.mesh.comm.allreduce(min(term.longest_step(of_q.x.array) for term in limited), MPI.MIN))
+
+
+def balanced(terms: Sequence[Term], balance: Callable[[], int]) -> int | None:
+    """Lead the terms to their places, with a `balance` after each part of the way; its iterations, None if held."""
+    iterations = 0
+    for _ in range(PARTS):
+        there = all([term.follow() for term in terms])
+        iterations += balance()
+        if there:
+            return iterations
+    return None

@@ -1,0 +1,266 @@
+"""Contact with bodies: forces from an energy, nothing passes, energy and momentum, closed forms, one and two ranks."""
+
+import builtins
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+import scipy.sparse
+import ufl
+from mpi4py import MPI
+from dolfinx import fem
+from hypothesis import given, settings
+from hypothesis import strategies as some
+
+from fabric_fenicsx import sheet
+from fabric_fenicsx.contact import bodies
+from fabric_fenicsx.contact.contact import Contact
+from fabric_fenicsx.errors import InputError, StepFailed
+from fabric_fenicsx.laws.svk import StVenantKirchhoff
+from fabric_fenicsx.solvers import statics
+from fabric_fenicsx.surfaces import meshing
+from fabric_fenicsx.terms import supports
+
+H, M, G = 4e-4, 0.224, 9.81
+SIDE = 0.6
+
+
+def square(element="mitc4", cells=6, comm=MPI.COMM_SELF, side=SIDE, E=8e6):
+    """An elastic square at z = 0, a corner of which is the origin; "membrane" too."""
+    triangles = int(element == "regge")
+    domain = meshing.read(meshing.MESHES / "square.geo", comm, side=side, n=cells, triangles=triangles)
+    law = StVenantKirchhoff.isotropic(E, 0.25)
+    if element == "membrane":
+        return sheet.Sheet(domain, law, H, kinematics="membrane")
+    return sheet.Sheet(domain, law, H, (E / 2.5, E / 2.5), element=element)
+
+
+def falling(cloth, touch, speed=0.0, **options):
+    """A sheet that moves down at this speed, under its weight, and its ledger."""
+    weight = cloth.weight(M, ufl.as_vector((0.0, 0.0, -G)))
+    run, ledger = cloth.newmark(M, [], [weight, *touch.terms], **options)
+    heights = np.array(cloth.q.function_space.sub(0).sub(2).collapse()[1])
+    run.motion.velocity.x.array[heights] = -speed
+    return run, ledger
+
+
+@pytest.mark.parametrize(
+    "body, volume",
+    [
+        (bodies.Sphere(1.0, (1, 2, 3), cells=24), 4 / 3 * np.pi),
+        (bodies.Box((1, 2, 3), (1, 1, 1), (0.1, 0.2, 0.3), cells=3), 6.0),
+        (bodies.Cylinder(1.0, 2.0, (0, 0, 1), (1, 1, 0), cells=24), 2 * np.pi),
+        (bodies.Capsule(1.0, 2.0, (0, 0, 1), (1, 1, 0), cells=24), (2 + 4 / 3) * np.pi),
+    ],
+    ids=lambda value: getattr(value, "name", ""),
+)
+def test_a_body_is_closed_faces_outward_and_has_its_volume(body, volume):
+    x = body.rest[body.faces]
+    assert np.einsum("ij,ij", x[:, 0], np.cross(x[:, 1], x[:, 2])) / 6 == pytest.approx(volume, rel=5e-3)
+    sides = np.sort(body.faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
+    _, counts = np.unique(sides, axis=0, return_counts=True)
+    assert (counts == 2).all()
+    assert len(body.rest) - len(counts) + len(body.faces) == 2
+    turned = body.rest.copy()
+    body.move((1, 0, 0), (0, 0, np.pi / 2), (1, 0, 0))
+    assert body.target == pytest.approx(np.column_stack([2 - turned[:, 1], turned[:, 0] - 1, turned[:, 2]]))
+    body.move()
+
+
+@pytest.mark.parametrize("element", ["mitc4", "regge", "membrane"])
+def test_forces_are_derivatives_of_the_energy_and_have_their_stiffness(element):
+    cloth = square(element)
+    around = [
+        bodies.Sphere(0.15, (0.3, 0.3, -0.151)),
+        bodies.Plane(point=(0, 0, -1.4e-3)),
+        bodies.Plane((0, 0, -1), (0, 0, 1.2e-3)),
+    ]
+    touch = Contact(cloth, around, friction=0.3, static=0.4, reach=2e-3, slip=5e-3)
+    q, local = cloth.q.x.array, touch._around.skin.local
+    rest, rng = q.copy(), np.random.default_rng(0)
+    z, way = 2e-4 * rng.standard_normal(local.shape) + [3e-4, 1e-4, 0.0], rng.standard_normal(local.shape)
+
+    def force(term, at):
+        q[:] = rest
+        q[local] += at
+        assert term.evaluate()
+        total = np.zeros_like(q)
+        term.add_force(total)
+        return total, term.energy()
+
+    for term in touch.terms:
+        term.prepare(0.1)  # s: slides by 0.5 mm
+        (after, up), (before, down) = (force(term, z + step * way) for step in (1e-9, -1e-9))
+        now, _ = force(term, z)
+        rows, columns = term.pattern()
+        values = np.zeros(len(rows))
+        term.add_stiffness(values)
+        stiffness = scipy.sparse.csr_array((values, (rows, columns)), shape=(len(q), len(q)))
+        change = np.zeros_like(q)
+        change[local] = way
+        expected = (after - before) / 2e-9
+        assert np.linalg.norm(stiffness @ change - expected) < 1e-6 * np.linalg.norm(expected)
+        assert not term.pattern_changed
+        if term.loses == "law":
+            assert now @ change == pytest.approx((up - down) / 2e-9, rel=1e-6)
+        else:
+            assert now[local].ravel() @ z.ravel() == pytest.approx(term.dissipated(), rel=1e-12)
+            assert term.dissipated() > 0.0
+    # action and reaction
+    assert sum(touch.force(body) for body in around) == pytest.approx(-touch.forces().sum(axis=0), rel=1e-9)
+
+
+@pytest.mark.parametrize("element, cells", [("mitc4", 4), ("regge", 3), ("mitc4", 9)])
+def test_a_plane_presses_by_its_stiffness_at_half_the_reach(element, cells):
+    cloth = square(element, cells)
+    touch = Contact(cloth, [bodies.Plane(point=(0, 0, -H - 0.5e-3))], reach=1e-3, stiffness=1e3)
+    assert touch.least_gap() == pytest.approx(0.5e-3)
+    assert touch.force(touch.bodies[0]) == pytest.approx([0, 0, -1e3 * SIDE**2])
+    assert touch.moment(touch.bodies[0], (SIDE / 2, SIDE / 2, 0)) == pytest.approx([0, 0, 0], abs=1e-9)
+
+
+@pytest.mark.parametrize("element", ["mitc4", "regge"])
+@pytest.mark.parametrize("rho", [1.0, 0.6])
+def test_a_flat_drop_makes_no_energy_and_comes_to_rest_with_its_weight_on_the_plane(element, rho):
+    cloth = square(element, 3)
+    touch = Contact(cloth, [bodies.Plane(point=(0, 0, -5e-3))], itself=False)
+    run, ledger = falling(cloth, touch, rho=rho, rtol=1e-9)
+    totals = []
+    for _ in run.march(0.15, 5e-3):
+        assert touch.least_gap() > 0.0
+        totals.append(ledger.totals)
+    impact = np.array([t["by_impact"] for t in totals])
+    assert (np.diff(impact) > -1e-12).all()
+    assert impact[-1] > 0.9 * M * SIDE**2 * G * 5e-3 * 0.5
+    assert abs(ledger.totals["imbalance"]) < 1e-6 * ledger.most
+    assert ledger.totals["kinetic"] < 1e-3 * ledger.most
+    assert touch.force(touch.bodies[0])[2] == pytest.approx(-M * SIDE**2 * G, rel=0.05)
+
+
+@settings(max_examples=6)
+@given(
+    speed=some.floats(0.5, 10.0),
+    step=some.floats(1e-3, 2e-2),
+    radius=some.floats(0.01, 0.2),
+    at=some.tuples(some.floats(0.1, 0.5), some.floats(0.1, 0.5)),
+    cells=some.integers(2, 6),
+)
+def test_a_sheet_never_passes_through_a_ball_or_a_corner(speed, step, radius, at, cells):
+    cloth = square("mitc4", cells)
+    ball, box = bodies.Sphere(radius, (*at, -radius - 2e-3), cells=4), bodies.Box((1, 1, 0.1), (0.55, 0, -0.06))
+    touch = Contact(cloth, [ball, box], friction=0.2, stiffness=1e3)
+    run, _ = falling(cloth, touch, speed, accuracy=np.inf)
+    try:
+        for _ in run.march(6 * step, step):
+            assert touch.least_gap() > 0.0 and not touch.crossed()
+    except StepFailed:
+        assert touch.least_gap() > 0.0 and not touch.crossed()
+
+
+def test_a_strip_lifted_off_a_plane_weighs_as_in_theory():
+    """l = (24 D d/q)^(1/4), and half the weight of this length lifts, for small slopes and a hard plane."""
+    length, width, E = 1.0, 0.05, 4e9
+    domain = meshing.read(meshing.MESHES / "strip.geo", MPI.COMM_SELF, length=length, width=width, nx=80, ny=1)
+    strip = sheet.Sheet(domain, StVenantKirchhoff.isotropic(E, 0.0), H, (E / 2, E / 2))
+    plane = bodies.Plane(point=(0, 0, -1.5 * H))
+    touch = Contact(strip, [plane], itself=False, reach=H, stiffness=M * G)
+    weight, lift = strip.weight(M, ufl.as_vector((0, 0, -G))), fem.Constant(domain.mesh, 0.0)
+    held = supports.lead(domain, strip.space, "sheet", 1, 0.0) + supports.lead(domain, strip.space, "fixed_end", 0, 0.0)
+    solver = strip.equilibrium(held + supports.lead(domain, strip.space, "pulled_end", 2, lift), [weight, *touch.terms])
+
+    def set_load(height):
+        lift.value = height
+
+    end = supports.unknowns(domain, strip.space, "pulled_end", 2)
+    for step in statics.march(solver, set_load, [0.0, 1e-3, 5e-3, 1e-2]):
+        force, q, D = solver.reaction(end), M * G * width, E * H**3 / 12 * width
+        assert force - touch.force(plane)[2] == pytest.approx(q * length, rel=1e-6)
+        if step.load >= 5e-3:
+            free = (24 * D * step.load / q) ** 0.25
+            assert force == pytest.approx(q * free / 2, rel=0.01)
+
+
+def test_a_led_body_takes_the_sheet_along_and_its_work_is_the_ledgers():
+    cloth = square("mitc4", 6)
+    ball = bodies.Sphere(0.1, (0.3, 0.3, -0.105))
+    touch = Contact(cloth, [ball], friction=0.3)
+    rim = supports.hinge(cloth.domain, cloth.space, "left") + supports.hinge(cloth.domain, cloth.space, "right")
+
+    def set_load(t):
+        ball.move((0.0, 0.0, 0.02 * (1 - np.cos(np.pi * t / 0.1))))
+
+    run, ledger = cloth.newmark(M, rim, touch.terms, set_load=set_load, accuracy=np.inf)
+    work = before = 0.0
+    for step in run.march(0.05, 2.5e-3):
+        assert touch.least_gap() > 0.0 and not touch.crossed() and step.step_cuts == 0
+        height = 0.02 * (1 - np.cos(np.pi * step.load / 0.1))
+        work -= touch.force(ball)[2] * (height - before)
+        before = height
+    assert touch.force(ball)[2] < -0.3
+    assert ledger.totals["external"] == pytest.approx(work, rel=0.02)
+    assert abs(ledger.totals["imbalance"]) < 0.01 * ledger.most
+
+
+def test_a_body_that_the_sheet_holds_back_fails_the_step_and_goes_nowhere():
+    cloth = square("mitc4", 4)
+    table, press = bodies.Plane(point=(0, 0, -2e-3)), bodies.Box((0.2, 0.2, 0.1), (0.3, 0.3, 0.052), cells=2)
+    touch = Contact(cloth, [table, press], itself=False)
+    solver = cloth.equilibrium(supports.hinge(cloth.domain, cloth.space, "left"), touch.terms)
+
+    def set_load(part):
+        press.move((0, 0, -part * 0.01))
+
+    with pytest.raises(StepFailed, match=r"held back|Newton"):
+        for _ in statics.march(solver, set_load, [1.0], smallest=1 / 8):
+            pass
+    assert touch.least_gap() > 0.0 and not touch.crossed()
+    assert press.target[:, 2].min() > -2e-3
+
+
+def test_a_start_across_a_body_or_within_the_offset_is_refused():
+    for height in (0.0, -0.5 * H):
+        with pytest.raises(InputError, match=r"starts across a body or itself, or nearer than the offset of 0\.0004 m"):
+            Contact(square(), [bodies.Sphere(0.1, (0.3, 0.3, height - 0.1))])
+    with pytest.raises(InputError, match="take larger cells"):
+        Contact(square(), [], reach=0.2)
+    with pytest.raises(InputError, match="reach = -1"):
+        Contact(square(), [], reach=-1.0)
+    with pytest.raises(InputError, match="0 <= friction <= static"):
+        Contact(square(), [], friction=0.3, static=0.2)
+    with pytest.raises(InputError, match="cannot be turned"):
+        bodies.Plane().move((0, 0, 1), (1, 0, 0))
+
+
+def test_without_the_toolkit_a_sentence_says_what_to_install(monkeypatch):
+    real = builtins.__import__
+
+    def without(name, *rest, **more):
+        if name == "ipctk":
+            raise ImportError(name)
+        return real(name, *rest, **more)
+
+    monkeypatch.setattr(builtins, "__import__", without)
+    with pytest.raises(InputError, match=r"fabric_fenicsx\[contact\]"):
+        Contact(square(), [bodies.Plane(point=(0, 0, -1))])
+
+
+def test_a_scene_without_contact_does_not_load_the_toolkit_nor_any_of_this():
+    code = "import sys, fabric_fenicsx.scenes, fabric_fenicsx.sheet; print(*sys.modules)"
+    said = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.split()
+    assert "ipctk" not in said and "fabric_fenicsx.contact.collisions" not in said
+
+
+@pytest.mark.parallel
+@pytest.mark.parametrize("element", ["mitc4", "regge"])
+def test_ranks_do_not_change_the_answer(element):
+    results = []
+    for comm in (MPI.COMM_SELF, MPI.COMM_WORLD):
+        cloth = square(element, 4, comm)
+        ball = bodies.Sphere(0.15, (0.3, 0.3, -0.155))
+        touch = Contact(cloth, [ball, bodies.Plane(point=(0, 0, -0.02))], friction=0.3)
+        run, ledger = falling(cloth, touch, 1.0, accuracy=np.inf, rtol=1e-10)
+        least = min(touch.least_gap() for _ in run.march(0.03, 2.5e-3))
+        assert least > 0.0
+        results.append([*touch.force(ball)[2:], *touch.forces().sum(axis=0), *ledger.totals.values(), least])
+    assert results[0] == pytest.approx(results[1], rel=1e-8, abs=1e-11)
