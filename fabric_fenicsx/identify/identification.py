@@ -7,7 +7,7 @@ import numpy as np
 
 from ..errors import InputError
 from ..laws import Array
-from . import bending_fit, branches, curves, listing, markers, origin, records
+from . import bending_fit, branches, curves, listing, markers, origin, records, sheets
 from .curves import Estimate, Loading, Readings
 
 WAYS = ("warp", "weft", "shear")
@@ -139,6 +139,8 @@ class Identified:
 
 def identify(tests: listing.Tests) -> Identified:
     """All that the records of a fabric tell; raises InputError for a record that cannot be used."""
+    if tests.sheet:
+        return _of_sheet(tests, tests.sheet)
     found: dict[str, Curve] = {}
     notes: list[str] = []
     displacement: dict[str, float] = {}
@@ -179,6 +181,21 @@ def identify(tests: listing.Tests) -> Identified:
         tests, found, poisson, contractions, bias, bias_records, displacement, stretch, notes, tested, bent
     )
     return replace(answer, notes=notes + _remarks(answer))
+
+
+def _of_sheet(tests: listing.Tests, sheet: sheets.Sheet) -> Identified:
+    """What the sheet of a laboratory tells: no contraction, and of FAST no way back."""
+    strip, found = tests.strip, {}
+    for way in WAYS:
+        both = sheets.shear(sheet, strip.thickness) if way == "shear" else sheets.tension(sheet, way, strip.thickness)
+        found[way] = Curve(curves.loading(both[0]), both[1], both[0], [], f"from a sheet of {sheet.kind.upper()}")
+    displacement = {
+        way: strip.gauge_length * (np.sqrt(1 + 2 * found[curve].loading.limit) - 1)
+        for way, curve in (("warp", "warp"), ("weft", "weft"), ("bias", "shear"))
+    }
+    bent = bending_fit.fit(sheet.bending, tests.areal_mass)
+    answer = Identified(tests, found, {}, {}, None, [], displacement, None, bent.notes, [], bent)
+    return replace(answer, notes=bent.notes + _remarks(answer))
 
 
 def _remarks(answer: Identified) -> list[str]:

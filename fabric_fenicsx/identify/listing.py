@@ -39,6 +39,17 @@ Every key; the files that it names are told in `fabric_fenicsx.identify.records`
     angle_deg = [12.5, 25, 38]
     heart_length_mm = 150           # strip between the grips, and heights from the grip to the lowest point
     heart_height_mm = [61.5, 62]
+
+Or the sheet of a laboratory, [kes] or [fast], in the place of gauge_length_mm, width_mm, [records] and [bending]:
+
+    [kes]                           # in the units of the sheet; WT may stand for LT
+    warp = { EM = 5.1, LT = 0.72, RT = 58, G = 0.6, 2HG = 0.8, 2HG5 = 1.5, B = 0.10, 2HB = 0.05 }
+    weft = { EM = 6.3, LT = 0.70, RT = 55, G = 0.6, 2HG = 0.9, 2HG5 = 1.6, B = 0.08, 2HB = 0.04 }
+
+    [fast]
+    warp = { E5 = 0.4, E20 = 1.1, E100 = 3.0, C = 18.5 }
+    weft = { E5 = 0.6, E20 = 1.6, E100 = 4.1, C = 16.0 }
+    EB5 = 4.2
 """
 
 import tomllib
@@ -48,7 +59,7 @@ from pathlib import Path
 from typing import Any
 
 from ..errors import InputError
-from . import bending_tests
+from . import bending_tests, sheets
 from .records import Strip
 
 TEXTS = ("name", "label", "material", "weave")
@@ -72,6 +83,7 @@ class Tests:
     columns: list[str] = field(default_factory=list)
     preload: float | None = None  # N
     bending: bending_tests.BendingTests | None = None
+    sheet: sheets.Sheet | None = None
 
     @property
     def areal_mass(self) -> float:
@@ -87,10 +99,11 @@ def read(path: str | Path) -> Tests:
         raise InputError(f"{path}: cannot be read ({error.strerror}); give the path of a list of tests.") from error
     except ValueError as error:
         raise InputError(f"{path}: is not TOML ({error}); correct it there.") from error
+    kind = next((key for key in ("kes", "fast") if key in entries), None)
+    if kind:
+        return _of_sheet(path, kind, entries)
     _expect(path, "", entries, (*TEXTS, *NUMBERS, "records"), ("source", "columns", "preload_N", "assumed", "bending"))
-    for key in (*TEXTS, "source"):
-        if not isinstance(entries.get(key, "-"), str) or not entries.get(key, "-").strip():
-            raise InputError(f"{path}: {key} is not a text; write at least one word in double quotes.")
+    _words(path, entries)
     numbers = {key: _number(path, key, entries[key]) for key in NUMBERS}
     records = {}
     _expect(path, "records.", _table(path, "records", entries), (), RECORDS)
@@ -107,8 +120,6 @@ def read(path: str | Path) -> Tests:
         raise InputError(f'{path}: columns is not a list of names; write ["displacement (mm)", "force (N)"], say.')
     if not any(key in records for key in ("warp", "weft", "bias")):
         raise InputError(f"{path}: records names no tensile test; add warp, weft or bias.")
-    assumed = _table(path, "assumed", entries) if "assumed" in entries else {}
-    _expect(path, "assumed.", assumed, (), ASSUMED)
     return Tests(
         str(path),
         {key: entries[key] for key in TEXTS},
@@ -116,11 +127,36 @@ def read(path: str | Path) -> Tests:
         Strip(*(numbers[key] / 1e3 for key in ("gauge_length_mm", "width_mm", "thickness_mm"))),
         entries.get("source", "not said"),
         records,
-        {key: _number(path, f"assumed.{key}", value, zero=key in RATIOS) for key, value in assumed.items()},
+        _assumed(path, entries),
         columns,
         _number(path, "preload_N", entries["preload_N"], zero=True) if "preload_N" in entries else None,
         bending_tests.read(path, entries["bending"]) if "bending" in entries else None,
     )
+
+
+def _of_sheet(path: str | Path, kind: str, entries: dict[str, Any]) -> Tests:
+    """A list that holds the sheet of a laboratory in the place of records."""
+    _expect(path, "", entries, (*TEXTS, *NUMBERS[:2], kind), ("source", "assumed"))
+    _words(path, entries)
+    thickness, density = (_number(path, key, entries[key]) for key in NUMBERS[:2])
+    sheet = sheets.read(path, kind, entries[kind])
+    texts, source = {key: entries[key] for key in TEXTS}, entries.get("source", f"a sheet of {kind.upper()}")
+    strip = sheet.strip(thickness / 1e3)
+    return Tests(
+        str(path), texts, density, strip, source, {}, _assumed(path, entries), bending=sheet.bending, sheet=sheet
+    )
+
+
+def _words(path: str | Path, entries: dict[str, Any]) -> None:
+    for key in (*TEXTS, "source"):
+        if not isinstance(entries.get(key, "-"), str) or not entries.get(key, "-").strip():
+            raise InputError(f"{path}: {key} is not a text; write at least one word in double quotes.")
+
+
+def _assumed(path: str | Path, entries: dict[str, Any]) -> dict[str, float]:
+    assumed = _table(path, "assumed", entries) if "assumed" in entries else {}
+    _expect(path, "assumed.", assumed, (), ASSUMED)
+    return {key: _number(path, f"assumed.{key}", value, zero=key in RATIOS) for key, value in assumed.items()}
 
 
 def _expect(
