@@ -71,6 +71,14 @@ def test_a_flat_airbag_is_blown_up_at_once():
     assert 0.17 < row["height_m"] < 0.23
 
 
+@pytest.mark.parallel
+def test_a_strip_buckles_and_comes_back():
+    """Factors that fail on the way are thrown away, on several ranks too."""
+    row = STUDY["run"]("buckled strip of blend", "energy", steps=3)
+    assert row["steps"] == 6 and row["cuts"] == 0 and row["negative"] == 0 and row["lowest"] > 0.0
+    assert row["height_m"] == pytest.approx(0.042, abs=0.002)
+
+
 def test_what_has_no_energy_is_left_to_newton():
     """A law without potential, a follower pressure on a free edge, and options that ask for another linear solver."""
     woven = cloth(Woven(BLEND)).equilibrium([])

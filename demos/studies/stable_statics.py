@@ -1,9 +1,9 @@
 """Statics that used to stop: downhill along the energy (`solvers.descent`) and by Newton's method alone, side by side.
 
 Sheets that start flat with nothing to hold them out of their plane, a square airbag in one load, a cantilever of muslin
-under its weight and strips that buckle, of a law with a potential. For both ways the table gives Newton iterations,
-those of failed tries included, cuts and, of the end, the height and the lowest eigenvalue of K v = lambda M v (M: see
-`solvers.descent`), which is positive where it is stable.
+under its weight and strips that buckle, of a law with a potential; a tube that is pinched until it snaps. For both ways
+the table gives Newton iterations, those of failed tries included, cuts and, of the end, the height and the lowest
+eigenvalue of K v = lambda M v (M: see `solvers.pivots`), which is positive where it is stable.
 
     python demos/studies/stable_statics.py
     python demos/studies/stable_statics.py --only airbag --kicks 5
@@ -30,6 +30,7 @@ from fabric_fenicsx.errors import StepFailed
 from fabric_fenicsx.laws.potential import Potential
 from fabric_fenicsx.laws.svk import StVenantKirchhoff
 from fabric_fenicsx.output import results
+from fabric_fenicsx.shell import directors
 from fabric_fenicsx.solvers import statics
 from fabric_fenicsx.solvers.descent import StableSolver
 from fabric_fenicsx.surfaces import meshing
@@ -113,6 +114,24 @@ def buckled(search, fabric="blend", way=18e-3, steps=12):
     return Case(strip.solver, strip.pull, [*there, *there[-2::-1], 0.0], height)
 
 
+def pinched(search, element="regge", n=16):
+    """A tube on rigid diaphragms, pinched at two points in the published load steps (Sze 2004, 3.6): an octant."""
+    cell, (_, degree), *_ = directors.ELEMENTS[element]
+    domain = meshing.read(meshing.MESHES / "cylinder.geo", MPI.COMM_WORLD, gdim=3, triangles=int(cell == "triangle"),
+                          radius=100.0, length=100.0, angle=90, nx=n, ny=n, order=degree)  # fmt: skip
+    E, nu = 30e3, 0.3
+    G = E / 2 / (1 + nu)
+    law = StVenantKirchhoff.isotropic(E, nu)
+    cloth = sheet.Sheet(domain, law, 1.0, (G, G), (0, 1, 0), element=element)
+    space = cloth.space
+    bcs = [bc for k, line in enumerate(("top", "middle", "side")) for bc in supports.symmetry(domain, space, line, k)]
+    bcs += [bc for k in (0, 2) for bc in supports.lead(domain, space, "end", k, 0.0)]
+    P = fem.Constant(domain.mesh, 0.0)
+    push = weakform.point_force(P * ufl.as_vector((0.0, 0.0, -1.0)), cloth.v, supports.over(domain, "A", 0))
+    loads = 3000.0 * np.r_[0.05:0.176:0.025, 0.2:1.01:0.05]
+    return case(cloth, bcs, push, P, list(loads), search)
+
+
 CASES = {
     "shell, dead load": lambda search: flat(search, "shell"),
     "shell, pressure": lambda search: flat(search, "shell", True),
@@ -121,13 +140,17 @@ CASES = {
     "airbag": airbag,
     "cantilever of muslin": cantilever,
     "buckled strip of blend": buckled,
+    "buckled strip of denim": lambda search: buckled(search, "denim"),
+    "buckled strip of duck": lambda search: buckled(search, "duck"),
     "buckled strip of muslin": lambda search: buckled(search, "muslin"),
+    "pinched tube, regge": pinched,
+    "pinched tube, mitc4": lambda search: pinched(search, "mitc4", 32),
 }
 
 
-def run(name, search, kick=None):
-    """A row of the table; kick: seed of a random move of the start."""
-    scene = CASES[name](search)
+def run(name, search, kick=None, **more):
+    """A row of the table; kick: seed of a random move of the start; more: for the case."""
+    scene = CASES[name](search, **more)
     solver = scene.solver
     if kick is not None:
         start = np.random.default_rng(kick).standard_normal(len(solver.u.x.array))

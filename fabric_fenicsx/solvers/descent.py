@@ -35,7 +35,7 @@ ESCAPES = 5
 type Search = Literal["energy", "newton"]
 
 # null pivots are found, and there is room for pivots that are put off
-OPTIONS: linear.Options = linear.SYMMETRIC | {"mat_mumps_icntl_24": 1, "mat_mumps_icntl_14": 60}
+OPTIONS: linear.Options = linear.SYMMETRIC | {"mat_mumps_icntl_24": 1, "mat_mumps_icntl_14": 200}
 
 
 class StableSolver(StaticSolver):
@@ -81,6 +81,7 @@ class StableSolver(StaticSolver):
             self._look()
         if self.descends:
             self._count = 0
+            PETSc.garbage_cleanup(self.comm)  # vectors of the last solve, which on several ranks nobody else lets go
             iterations = self._descend()
             if self.descends:
                 return iterations

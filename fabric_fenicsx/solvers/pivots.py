@@ -43,10 +43,12 @@ class Pivots:
         ksp.setOperators(A)
         ksp.setUp()
         factors = ksp.getPC().getFactorMatrix()
-        if factors.getMumpsInfog(1) < 0:
+        fault, negative, null = (factors.getMumpsInfog(k) for k in (1, 12, 28))
+        factors.destroy()  # one hold on them, that of Python, which on several ranks lets nothing go by itself
+        if fault < 0:
             ksp.getPC().reset()  # PETSc never factorises again with what has failed once
             return -1, -1
-        return factors.getMumpsInfog(12), factors.getMumpsInfog(28)
+        return negative, null
 
     def factorise(self, ksp: PETSc.KSP, A: PETSc.Mat) -> None:
         """Shift A, by no more than it takes, until its factors are positive definite."""
