@@ -29,7 +29,8 @@ class Contact:
     something there. Public: `terms`, for a solver; `bodies`, `offset`, `reach`.
 
     Args:
-        friction: coefficient, of sliding; static: of sticking, by default the same.
+        friction: coefficient, of sliding; static: of sticking, by default the same. Smoothed, it holds
+            hardly more: from half the slip speed on the coefficient is nearer to that of sliding.
         itself: whether the sheet may touch itself, or goes through itself.
         offset: the distance, m, that always stays between nodes' surfaces; by default the largest thickness.
         reach: beyond the offset, m, from which on surfaces push; by default five times the thickness, and at most a
@@ -96,15 +97,18 @@ class Contact:
     def forces(self) -> Array:
         """Of contact and friction on the sheet's nodes, (n, 3) in N, in the order of `Skin`."""
         self._around.place()
-        return -self._all()[: len(self._around.skin.rest)]
+        with self._around.looking_back():
+            return -self._all()[: len(self._around.skin.rest)]
 
     def force(self, body: Body) -> Array:
         """Of the sheet on a body, 3 numbers in N."""
-        return -self._on(body)[1].sum(axis=0)
+        with self._around.looking_back():
+            return -self._on(body)[1].sum(axis=0)
 
     def moment(self, body: Body, about: Sequence[float] = (0.0, 0.0, 0.0)) -> Array:
         """As `force`: its moment about a point, N m."""
-        x, derivative = self._on(body)
+        with self._around.looking_back():
+            x, derivative = self._on(body)
         return -np.cross(x - np.array(about), derivative).sum(axis=0)
 
     def _all(self) -> Array:

@@ -20,11 +20,15 @@ HALF = np.log(2.0) + 0.5
 def coulomb(slid: Array, length: float, static: float, kinetic: float) -> tuple[Array, Array]:
     """Coefficient of friction over the way that was slid, and its derivative by half the square of that way.
 
-    It grows as 2 y - y^2 over the `length`, the coefficient itself going from static to kinetic by a smooth step.
+    It grows as 2 y - y^2 over the `length`, the coefficient itself going smoothly from static to kinetic.
     """
     y = slid / length
     sliding = y >= 1.0
-    mu, rise = static + (kinetic - static) * (3 - 2 * y) * y**2, 6 * (kinetic - static) * (1 - y)
+    step = np.where(y < 0.5, 2 * y**2, 1 - 2 * (1 - y) ** 2)
+    mu, rise = (
+        static + (kinetic - static) * step,
+        (kinetic - static) * np.where(y < 0.5, 4.0, 4 / np.maximum(y, 0.5) - 4),
+    )
     h = np.where(sliding, kinetic / np.where(sliding, slid, 1.0), mu * (2 - y) / length)
     bend = (rise * (2 - y) - mu / np.where(sliding, 1.0, np.maximum(y, 1e-12))) / length**3
     return h, np.where(sliding, -kinetic / np.where(sliding, slid, 1.0) ** 3, bend)

@@ -1,5 +1,8 @@
 """Where sheet and bodies are, now and at the last commit, and how far they may go."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
+
 import numpy as np
 
 from ..laws import Array
@@ -19,6 +22,7 @@ class Surroundings:
         self.led, self.shifts = self._targets()
         self.place()
         self.x0, self.shifts0 = collisions.x.copy(), self.shifts.copy()
+        self._before = self.x0, self.shifts0
 
     def _targets(self) -> tuple[Array, Array]:
         corners = [body.target for body in self.bodies if not isinstance(body, Plane)]
@@ -55,7 +59,19 @@ class Surroundings:
 
     def commit(self) -> None:
         """The step to the present places has happened."""
+        self._before = self.x0, self.shifts0
         self.x0, self.shifts0 = self.collisions.x.copy(), self.shifts.copy()
+
+    @contextmanager
+    def looking_back(self) -> Iterator[None]:
+        """After a commit, take the step to it for the present one, for what depends on the way."""
+        now = self.x0, self.shifts0
+        if np.array_equal(self.collisions.x, self.x0) and np.array_equal(self.shifts, self.shifts0):
+            self.x0, self.shifts0 = self._before
+        try:
+            yield
+        finally:
+            self.x0, self.shifts0 = now
 
     def restore(self) -> None:
         """Back to the last commit."""

@@ -10,21 +10,25 @@ from collections.abc import Callable, Iterator, Sequence
 
 import numba
 import numpy as np
+from mpi4py import MPI
 from dolfinx import fem, la
 from petsc4py import PETSc
 
 from ..errors import InputError, StepFailed
 from ..laws import Array
 from ..shell.dirichlet import check
-from ..terms.term import Residual
+from ..terms.term import Residual, Term
 from . import stable_step
 from .checkpoint import Field
 from .continuation import Step, progress_bar
+from .leading import HELD
 from .motion import Motion
 from .stepper import Stepper
 
 SAFETY = 0.9
 """Step as a part of the largest stable one."""
+SHORTEST = 1 / 64
+"""Of a step that terms shorten."""
 WEIGH = 20
 """Steps from one entry of the ledger to the next."""
 
@@ -110,14 +114,28 @@ class CentralDifference(Stepper):
 
     def step(self, ts: PETSc.TS) -> None:
         """One step of `ts`'s length; never raises."""
-        motion, dt = self.motion, ts.getTimeStep()
+        self._step(ts.getTimeStep(), SHORTEST * ts.getTimeStep())
+        ts.setTime(self.time)
+
+    def _step(self, dt: float, shortest: float) -> None:
+        """A step of dt (s), in halves if it is longer than terms allow; below the shortest the sheet is slowed down."""
+        motion = self.motion
         q, v, a = self.q.x.array, motion.velocity.x.array, motion.acceleration.x.array
+        part = self._longest(dt)
+        if part < 1.0:
+            if dt > shortest:
+                self._step(dt / 2, shortest)
+                self._step(dt / 2, shortest)
+                return
+            v *= part
+            a *= part
         for term in self.terms:
             term.prepare(dt)
         v += 0.5 * dt * a
         _drift(q, v, self._displacements, self.directors, dt)
         self.time += dt
         self._move_supports(dt)
+        self._led = all([term.follow() for term in self.terms])
         force = self.evaluate()
         np.divide(force, self.mass, out=a)
         a *= -1.0
@@ -131,7 +149,18 @@ class CentralDifference(Stepper):
             term.commit()
         if self.ledger is not None and self._weighs:
             self.ledger.accept()
-        ts.setTime(self.time)
+
+    _led = True
+
+    def _longest(self, dt: float) -> float:
+        """The part of a step of dt that all terms allow, up to 1."""
+        limited = [term for term in self.terms if type(term).longest_step is not Term.longest_step]
+        if not limited:
+            return 1.0
+        way, motion = np.zeros_like(self.q.x.array), self.motion
+        moved = self._displacements
+        way[moved] = dt * (motion.velocity.x.array[moved] + 0.5 * dt * motion.acceleration.x.array[moved])
+        return float(self.comm.allreduce(min(term.longest_step(way) for term in limited), MPI.MIN))
 
     def forces(self) -> Array:
         """M a + residual in N at the owned unknowns: at supports, the reactions."""
@@ -201,7 +230,7 @@ class CentralDifference(Stepper):
     def _judge(self, good: list[Array], begun: float) -> None:
         """Raise StepFailed if the motion is no longer one, with the last good state in place."""
         kinetic = self.motion.kinetic()
-        said = None
+        said = None if self._led else HELD
         if not math.isfinite(kinetic):
             said = "the motion is not finite"
         elif self.ledger is not None and abs(self.ledger.totals["imbalance"]) > 0.2 * max(self.ledger.most, 1e-300):

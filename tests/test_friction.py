@@ -1,0 +1,80 @@
+"""Friction against closed forms, sheets on sheets, explicit motion."""
+
+import numpy as np
+import pytest
+import ufl
+from test_contact import G, H, M, square
+
+from fabric_fenicsx.contact import bodies
+from fabric_fenicsx.contact.contact import Contact
+from fabric_fenicsx.contact.planes import coulomb
+
+MU, SLIP = 0.3, 1e-3
+
+
+def slide(slope, method="newmark", end=0.2):
+    """Acceleration and speed at the end of a sheet on a plane of this slope, and its ledger and friction force."""
+    cloth = square("mitc4", 2, side=0.1)
+    angle = np.arctan(slope)
+    # in balance with its weight from the start
+    law = {"stiffness": M * G * np.cos(angle), "reach": 2e-3, "slip": SLIP, "creep": 1e-9}
+    touch = Contact(cloth, [bodies.Plane(point=(0, 0, -H - 1e-3))], friction=MU, itself=False, **law)
+    down = cloth.weight(M, ufl.as_vector((G * np.sin(angle), 0.0, -G * np.cos(angle))))
+    run, ledger = getattr(cloth, method)(M, [], [down, *touch.terms])
+    along = np.array(cloth.q.function_space.sub(0).sub(0).collapse()[1])
+    speeds = []
+    for _ in run.march(end, 5e-3):
+        assert touch.least_gap() > 0.0
+        speeds.append(run.motion.velocity.x.array[along].mean())
+    half = len(speeds) // 2
+    return (speeds[-1] - speeds[half]) / (5e-3 * (len(speeds) - 1 - half)), speeds[-1], ledger, touch
+
+
+def test_a_sheet_slides_down_a_slope_as_coulomb_says():
+    rate, _, ledger, touch = slide(0.4)
+    angle = np.arctan(0.4)
+    assert rate == pytest.approx(G * (np.sin(angle) - MU * np.cos(angle)), rel=2e-3)
+    assert ledger.totals["by_friction"] > 0.0
+    assert abs(ledger.totals["imbalance"]) < 1e-3 * ledger.most
+    push = touch.force(touch.bodies[0])
+    assert push[0] == pytest.approx(-MU * push[2], rel=1e-6)
+    assert touch.forces().sum(axis=0) == pytest.approx(-push, rel=1e-9, abs=1e-12)
+
+
+def test_where_friction_could_hold_it_creeps_with_the_smoothed_laws_speed():
+    _, speed, _, _ = slide(0.2)
+    assert speed == pytest.approx(SLIP * (1 - np.sqrt(1 - 0.2 / MU)), rel=0.01)
+
+
+def test_the_coefficient_is_that_of_the_toolkit():
+    ipctk = pytest.importorskip("ipctk")
+    slid = np.array([1e-6, 2e-5, 5e-5, 9.9e-5, 2e-4])
+    h, bend = coulomb(slid, 1e-4, 0.5, 0.3)
+    expected = [ipctk.smooth_mu(s, 0.5, 0.3, 1e-4) * ipctk.smooth_friction_f1(s, 1e-4) for s in slid]
+    assert h * slid == pytest.approx(expected)
+    after, before = (coulomb(slid * (1 + e), 1e-4, 0.5, 0.3)[0] for e in (1e-6, -1e-6))
+    assert bend == pytest.approx((after - before) / (2e-6 * slid**2), rel=1e-6)
+
+
+def test_explicit_motion_touches_keeps_energy_and_bounces():
+    cloth = square("mitc4", 3, side=0.3)
+    touch = Contact(cloth, [bodies.Plane(point=(0, 0, -5e-3))], itself=False)
+    weight = cloth.weight(M, ufl.as_vector((0.0, 0.0, -G)))
+    run, ledger = cloth.explicit(M, [], [weight, *touch.terms])
+    gaps = [touch.least_gap() for _ in run.march(0.06, 2e-3)]
+    assert min(gaps) < touch.reach
+    assert abs(ledger.totals["imbalance"]) < 0.01 * ledger.most
+    assert ledger.totals["by_impact"] == 0.0
+
+
+@pytest.mark.parametrize("method", ["newmark", "explicit"])
+def test_a_fast_sheet_does_not_pass_a_small_ball_in_any_motion(method):
+    cloth = square("mitc4", 6, side=0.3)
+    ball = bodies.Sphere(0.01, (0.1, 0.12, -0.015), cells=3)
+    touch = Contact(cloth, [ball], itself=False, stiffness=1e4)
+    weight = cloth.weight(M, ufl.as_vector((0.0, 0.0, -G)))
+    run, _ = getattr(cloth, method)(M, [], [weight, *touch.terms])
+    run.motion.velocity.x.array[np.array(cloth.q.function_space.sub(0).sub(2).collapse()[1])] = -5.0
+    dt = {"dt": 2e-5} if method == "explicit" else {}
+    for _ in run.march(4e-3, 1e-3, **dt):
+        assert touch.least_gap() > 0.0 and not touch.crossed()
