@@ -7,7 +7,7 @@ import numpy as np
 
 from ..errors import InputError
 from ..laws import Array
-from . import bending_fit, branches, curves, listing, markers, origin, records, sheets
+from . import bending_fit, branches, curves, listing, markers, origin, picture_frame, records, sheets
 from .curves import Estimate, Loading, Readings
 
 WAYS = ("warp", "weft", "shear")
@@ -166,6 +166,13 @@ def identify(tests: listing.Tests) -> Identified:
             found["shear"], said = _shear(tests.strip, [read[k] for k in marked], [parts[k] for k in marked])
             notes += said
             stretch = max(float(np.nanmax(read[k].yarns[f"{w}_stretch"])) for k in marked for w in ("warp", "weft"))
+    if tests.frames:
+        seen = picture_frame.shear(tests.frames, tests.strip.thickness, tests.columns, tests.preload)
+        how = "measured in picture frames"
+        found["shear"] = Curve(curves.loading(seen.readings), _slope(seen.slopes), seen.readings, seen.back, how)
+        notes, tested = notes + seen.notes, tested + seen.records
+        reach = np.sqrt(1 + 2 * found["shear"].loading.limit) - 1
+        displacement.setdefault("bias", tests.strip.gauge_length * float(reach))
     contractions = {
         key: [markers.contraction(path) for path in tests.records[f"{way}_dots"]]
         for key, way in (("nu12", "warp"), ("nu21", "weft"))

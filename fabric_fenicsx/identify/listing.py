@@ -40,6 +40,11 @@ Every key; the files that it names are told in `fabric_fenicsx.identify.records`
     heart_length_mm = 150           # strip between the grips, and heights from the grip to the lowest point
     heart_height_mm = [61.5, 62]
 
+    [[frame]]                       # a picture frame, from which the shear curve comes then; once a specimen
+    file = "frame_1.csv"            # as the records above: of the crosshead, along the diagonal; several cycles, if any
+    frame_mm = 150                  # side of the frame between its hinges, and of the cloth that shears
+    specimen_mm = 110
+
 Or the sheet of a laboratory, [kes] or [fast], in the place of gauge_length_mm, width_mm, [records] and [bending]:
 
     [kes]                           # in the units of the sheet; WT may stand for LT
@@ -59,7 +64,7 @@ from pathlib import Path
 from typing import Any
 
 from ..errors import InputError
-from . import bending_tests, sheets
+from . import bending_tests, picture_frame, sheets
 from .records import Strip
 
 TEXTS = ("name", "label", "material", "weave")
@@ -84,6 +89,7 @@ class Tests:
     preload: float | None = None  # N
     bending: bending_tests.BendingTests | None = None
     sheet: sheets.Sheet | None = None
+    frames: list[picture_frame.Frame] = field(default_factory=list)
 
     @property
     def areal_mass(self) -> float:
@@ -102,7 +108,13 @@ def read(path: str | Path) -> Tests:
     kind = next((key for key in ("kes", "fast") if key in entries), None)
     if kind:
         return _of_sheet(path, kind, entries)
-    _expect(path, "", entries, (*TEXTS, *NUMBERS, "records"), ("source", "columns", "preload_N", "assumed", "bending"))
+    _expect(
+        path,
+        "",
+        entries,
+        (*TEXTS, *NUMBERS, "records"),
+        ("source", "columns", "preload_N", "assumed", "bending", "frame"),
+    )
     _words(path, entries)
     numbers = {key: _number(path, key, entries[key]) for key in NUMBERS}
     records = {}
@@ -131,6 +143,7 @@ def read(path: str | Path) -> Tests:
         columns,
         _number(path, "preload_N", entries["preload_N"], zero=True) if "preload_N" in entries else None,
         bending_tests.read(path, entries["bending"]) if "bending" in entries else None,
+        frames=picture_frame.read(path, entries["frame"]) if "frame" in entries else [],
     )
 
 

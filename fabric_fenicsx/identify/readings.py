@@ -11,7 +11,8 @@ from . import cleaning, numerals
 from .tables import Table
 
 SPECIMEN = re.compile(
-    r"(specimen|sample|test piece|probe|prüfkörper|éprouvette|試験片)( (no\.?|nr\.?|id|name|number|label))?"
+    r"(specimen|sample|test piece|probe|prüfkörper|éprouvette|probeta|muestra|provino|campione|試験片)"
+    r"( (no\.?|nr\.?|id|name|number|label))?"
 )
 """Names of a column that tells specimens apart."""
 LEAST = 8  # readings of a curve

@@ -26,11 +26,16 @@ from . import cleaning, readings, units
 from .tables import Table, read_table
 
 WORDS = {
-    "time": ("time", "zeit", "temps", "tiempo", "時間"),
-    "force": ("force", "load", "stress", "kraft", "fuerza", "荷重", "試験力"),
+    "time": ("time", "zeit", "temps", "tiempo", "tempo", "時間"),
+    "force": (
+        *("force", "load", "stress", "kraft", "spannung", "contrainte", "charge", "fuerza", "carga", "esfuerzo"),
+        *("forza", "carico", "sforzo", "荷重", "試験力", "応力", "張力"),
+    ),
     "displacement": (
         *("displacement", "extension", "elongation", "stroke", "crosshead", "position", "travel", "strain"),
-        *("weg", "dehnung", "déplacement", "allongement", "desplazamiento", "変位", "ストローク", "伸び"),
+        *("weg", "dehnung", "verformung", "déplacement", "deplacement", "allongement", "déformation"),
+        *("desplazamiento", "extensión", "alargamiento", "deformación", "spostamento", "allungamento", "corsa"),
+        *("deformazione", "変位", "ストローク", "伸び", "ひずみ", "歪"),
     ),
     "warp_stretch": ("warp stretch",),
     "weft_stretch": ("weft stretch",),

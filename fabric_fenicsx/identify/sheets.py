@@ -122,9 +122,9 @@ def _consistent(path: str | Path, where: str, kind: str, numbers: dict[str, Arra
         numbers.setdefault("LT", LT)
     if "LT" not in numbers:
         raise InputError(f"{path}: {where} has neither LT nor WT; add one.")
-    LT, RT = float(np.mean(numbers["LT"])), float(np.mean(numbers["RT"]))
-    if not 0.42 < LT < 1.3:
-        raise InputError(f"{path}: {where} has an LT of {LT:.3g}, which is from 0.42 to 1.3 of cloth; correct it.")
+    line, RT = float(np.mean(numbers["LT"])), float(np.mean(numbers["RT"]))
+    if not 0.42 < line < 1.3:
+        raise InputError(f"{path}: {where} has an LT of {line:.3g}, which is from 0.42 to 1.3 of cloth; correct it.")
     if not 1 < RT < 100:
         raise InputError(f"{path}: {where} has an RT of {RT:g}, which is a percentage above 1; correct it.")
 
