@@ -57,8 +57,8 @@ the directors, `terms.kernels` the stiffness, `solvers.tangent` the matrix, `sol
 `entries` the TOML files, `compiling` the forms that are compiled once and kept,
 `files` and `output.gathering` what is written, `app.doctor` the command.
 
-The seven demos `my_fabric`, `my_materials`, `my_mesh`, `my_load`, `my_law`, `my_term` and `my_seam` are short, each
-ends in an exact check, and are meant to be copied and changed.
+The eight demos `my_fabric`, `my_materials`, `my_mesh`, `my_load`, `my_law`, `my_term`, `my_seam` and `my_bar` are
+short, each ends in an exact check, and are meant to be copied and changed.
 
 # What it cannot do
 

@@ -109,3 +109,14 @@ def test_a_form_with_a_law_has_a_potential_only_where_it_is_said_to_be_its_work(
     term.evaluate()
     assert term.potential() == 0.0
     assert FormTerm(term.form, own.q).potential() is None
+
+
+def test_a_moment_on_directors_has_no_potential():
+    """It does work as they turn, which a straight way does not tell; other loads of a shell have one."""
+    own = cloth(Potential(BLEND))
+    moment = fem.Constant(own.domain.mesh, (0.0, 1.0, 0.0))
+    ds = supports.over(own.domain, "left", 2)
+    assert FormTerm(weakform.edge_moment(moment, own.director, own.delta, ds), own.q).potential() is None
+    p = fem.Constant(own.domain.mesh, 1.0)
+    assert FormTerm(weakform.pressure(p, own.u, own.v, own.dx), own.q).potential() == 0.0
+    assert FormTerm(weakform.traction(moment, own.v, ds), own.q).potential() == 0.0

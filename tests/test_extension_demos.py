@@ -16,6 +16,7 @@ MINE = {
     "my_law": ["deformed.png"],
     "my_term": ["deformed.png"],
     "my_seam": ["deformed.png"],
+    "my_bar": ["deformed.png"],
 }
 
 

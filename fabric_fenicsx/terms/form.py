@@ -60,6 +60,7 @@ class FormTerm(Term):
     def _derive(self) -> None:
         jacobian = derive(self.form, self.q, self._rate)[1] if self._dead is None else Form([])
         self._jacobian = fem.form(jacobian) if jacobian.integrals() else None
+        self._turning = _by_directors(jacobian, self.q)
         self._symmetric = self._declared
         if self._declared is None:
             self._symmetric = self._jacobian is None or (not self.hooks and _is_symmetric(jacobian))
@@ -130,7 +131,8 @@ class FormTerm(Term):
         """See `Term.potential`; of loads less their work along the straight way from the last commit.
 
         Simpson's rule is exact for forces up to cubic in q, as a pressure's are. It is a potential only where the
-        derivative of the force is symmetric at the unknowns that are free, which is for a solver to see.
+        derivative of the force is symmetric at the unknowns that are free, which is for a solver to see. Loads that
+        depend on directors have none: these turn on the way, and the work of a moment is another than the straight one.
         """
         if not self._gentle:
             return None
@@ -139,6 +141,8 @@ class FormTerm(Term):
         if self.hooks or self._energy_form is not None:
             outside = 0.0 if self._energy_form is None else self._scalar()
             return outside + sum(energy for energy in self._of_laws() if energy is not None)
+        if self.jacobian is not None and self._turning:
+            return None
         now = self.q.x.array.copy()
         way, forces = now - self._since, []
         for part in (1.0,) if self._dead is not None else (0.0, 0.5, 1.0):
@@ -231,6 +235,15 @@ def _look_across(residual: Form, domain: mesh.Mesh) -> None:
             "A term on edges between cells (dS) needs the cells beyond the borders of each rank: read the mesh with "
             "ghosts=True."
         )
+
+
+def _by_directors(jacobian: Form, q: fem.Function) -> bool:
+    """Whether a derivative by q is, in a shell, also one by its directors."""
+    if q.ufl_shape != (6,) or not jacobian.integrals():
+        return False
+    change = jacobian.arguments()[1]
+    of_directors = ufl.as_vector([0.0, 0.0, 0.0, *(change[k] for k in range(3, 6))])
+    return bool(expand_derivatives(ufl.replace(jacobian, {change: of_directors})).integrals())
 
 
 def _is_symmetric(jacobian: Form) -> bool:
