@@ -121,3 +121,10 @@ def test_two_ranks_give_the_same(demo, tmp_path):
         one, two = (read(tmp_path / ranks / key / folder / "history.csv") for ranks in ("one", "two"))
         for column in (probe, "kinetic_J", "external_work_J"):
             assert np.abs(one[column] - two[column]).max() <= 1e-6 * np.abs(one[column]).max(), (key, column)
+
+
+def test_sphere(demo, tmp_path):
+    status, said, _ = demo("sphere.py", "--cells", "8", "--end", "0.15", "--out", tmp_path)
+    table = files(tmp_path)
+    assert status == 0 and ": yes;" in said
+    assert table["ball_z_N"].min() < -1.0 and table["friction_J"][-1] > 0.0 and (table["crossed"] == 0).all()
