@@ -35,7 +35,7 @@ def test_scenes(demo, tmp_path):
     file = tmp_path / "scenes.csv"
     assert status == 0 and "imbalance at most 1 %: yes" in said
     assert read(file)["complete"] == ["yes"] * 4 and (numbers(file, "imbalance_%") < 1).all()
-    assert (numbers(file, "height_mm") > 5).all() and (numbers(file, "newton_a_step") > 1).all()
+    assert (numbers(file, "most_height_mm") > 5).all() and (numbers(file, "newton_a_step") > 1).all()
 
 
 @pytest.mark.slow

@@ -73,7 +73,7 @@ def keys(room: str) -> Callable[[Callable[..., None]], Callable[..., None]]:
 
 @app.group("fabrics")
 def fabrics_group() -> None:
-    """The measured fabrics: list, show, plot."""
+    """The measured fabrics: list, show, plot, export."""
 
 
 @fabrics_group.command("list")
@@ -132,6 +132,18 @@ def fabrics_plot(names: tuple[str, ...], out: Path | None) -> None:
         else:
             fabrics.compare(chosen, out)
     click.echo(f"see {out}")
+
+
+@fabrics_group.command("export")
+@click.argument("name", shell_complete=fabric_names)
+@click.option("--to", "format", type=click.Choice(["calculix", "abaqus", "linear"]), default="linear",
+              show_default=True, help="*ELASTIC of CalculiX, *FABRIC of Abaqus, or linear numbers as JSON.")  # fmt: skip
+def fabrics_export(name: str, format: str) -> None:
+    """The numbers of a fabric, by NAME or TOML file, for another program; it says what is lost."""
+    from .. import fabrics
+    from ..fabrics import exporting
+
+    click.echo(exporting.export(fabrics.load(name), format), nl=False)
 
 
 @app.command()
