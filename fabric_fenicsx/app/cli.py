@@ -137,7 +137,7 @@ def fabrics_plot(names: tuple[str, ...], out: Path | None) -> None:
 @fabrics_group.command("export")
 @click.argument("name", shell_complete=fabric_names)
 @click.option("--to", "format", type=click.Choice(["calculix", "abaqus", "linear"]), default="linear",
-              show_default=True, help="*ELASTIC of CalculiX, *FABRIC of Abaqus, or linear numbers as JSON.")  # fmt: skip
+              show_default=True, help="CalculiX *ELASTIC, Abaqus *FABRIC, or linear numbers as JSON.")  # fmt: skip
 def fabrics_export(name: str, format: str) -> None:
     """The numbers of a fabric, by NAME or TOML file, for another program; it says what is lost."""
     from .. import fabrics
