@@ -139,7 +139,7 @@ class Ledger:
 
     def set_numbers(self, numbers: dict[str, float]) -> None:
         """As `numbers` gave them."""
-        self.totals = {name: numbers[f"energy_{name}"] for name in self.totals}
+        self.totals = {name: numbers.get(f"energy_{name}", 0.0) for name in self.totals}
         self.most, self.worst, self.made, self._dissipated = (
             numbers[f"energy_{name}"] for name in ("most", "worst", "made", "dissipated")
         )
