@@ -82,7 +82,7 @@ short, each ends in an exact check, and are meant to be copied and changed.
 - **Slack cloth** has many wrinkled states. Which one is found depends on mesh, steps and round-off; statics may find
   none; a motion goes through them.
 - **Transverse shear** of cloth is not measured; the sheet takes the first shear modulus of its plane for it.
-- **One material a sheet**, though the warp may differ from patch to patch, and a surface without branches (T-joints).
+- **Branches.** A surface has none (T-joints). A seam is a shared edge: panels that open apart are not known.
 - **Size.** A direct solver takes 7.1 GB for 340 x 340 cells; others (`solvers.linear`) suit motion and sheets
   in tension.
 """
