@@ -12,6 +12,8 @@ from petsc4py import PETSc
 
 LEAST, MOST, GROWTH, DECAY = 1e-9, 1e3, 8.0, 16.0  # of shifts: the first and last one, as parts of the largest diagonal
 
+ROOM, CRAMPED, WIDEST = "mat_mumps_icntl_14", (-8, -9), 1000  # percent more than MUMPS guesses that it needs
+
 
 class Pivots:
     """LDL' by MUMPS of the matrices that are given to a KSP.
@@ -40,6 +42,19 @@ class Pivots:
 
     def count(self, ksp: PETSc.KSP, A: PETSc.Mat) -> tuple[int, int]:
         """Factorise; numbers of negative and of null pivots, (-1, -1) if it cannot be done."""
+        store = PETSc.Options(ksp.getOptionsPrefix())
+        before = room = store.getInt(ROOM, 20)
+        fault, negative, null = self._factors(ksp, A)
+        while fault in CRAMPED and room < WIDEST:  # of a singular matrix, too, which no room helps
+            room = store[ROOM] = 3 * room
+            fault, negative, null = self._factors(ksp, A)
+        if fault < 0:
+            store[ROOM] = before
+            return -1, -1
+        return negative, null
+
+    def _factors(self, ksp: PETSc.KSP, A: PETSc.Mat) -> tuple[int, int, int]:
+        """MUMPS's error, 0 if there is none, and numbers of negative and of null pivots."""
         ksp.setOperators(A)
         ksp.setUp()
         factors = ksp.getPC().getFactorMatrix()
@@ -47,8 +62,7 @@ class Pivots:
         factors.destroy()  # one hold on them, that of Python, which on several ranks lets nothing go by itself
         if fault < 0:
             ksp.getPC().reset()  # PETSc never factorises again with what has failed once
-            return -1, -1
-        return negative, null
+        return fault, negative, null
 
     def factorise(self, ksp: PETSc.KSP, A: PETSc.Mat) -> None:
         """Shift A, by no more than it takes, until its factors are positive definite."""
