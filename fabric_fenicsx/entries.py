@@ -74,7 +74,7 @@ class Table:
     def choice(self, key: str, known: tuple[str, ...], default: str | None = None) -> str:
         """The text `key`, one of a few; the first, or `default`, where it is left out."""
         if key not in self.entries:
-            return default or known[0]
+            return known[0] if default is None else default
         value = self.entries[key]
         if value not in known:
             near = get_close_matches(value, known, n=1) if isinstance(value, str) else []

@@ -1,8 +1,11 @@
 """From what a scene file says to the sheet, its supports and its loads."""
 
+from __future__ import annotations
+
 import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 import ufl
@@ -17,11 +20,16 @@ from ..laws import named
 from ..laws.bending import Bending
 from ..laws.lay_up import LayUp, Ply
 from ..material import Material
-from ..sheet import Sheet
+from ..sheet import Loads, Sheet
 from ..surfaces import meshing, yarns
 from ..terms import supports, weakform
-from .reading import Load, Scene, Support
+from .bodies import led, touching
+from .reading import Scene
 from .sheet_reading import Entry
+from .support_reading import Load, Support
+
+if TYPE_CHECKING:
+    from ..contact.contact import Contact
 
 
 @dataclass
@@ -35,12 +43,21 @@ class Built:
     bcs: list[fem.DirichletBC]
     loads: Form | int
     set_load: Callable[[float], None]
-    """Puts a load part (statics) or a time in s (dynamics) into supports and loads."""
+    """Puts a load part (statics) or a time in s (dynamics) into supports, loads and bodies."""
+    touch: Contact | None = None
+    """Contact with bodies and of the sheet with itself, where the scene has it."""
 
     @property
     def areal_mass(self) -> Expr | float:
         """kg/m2."""
         return self.cloth.areal_mass
+
+    @property
+    def acting(self) -> Loads:
+        """For a solver: the loads and the terms of contact."""
+        if self.touch is None:
+            return self.loads
+        return [*([] if isinstance(self.loads, int) else [self.loads]), *self.touch.terms]
 
 
 def build(scene: Scene, comm: MPI.Comm = MPI.COMM_WORLD) -> Built:
@@ -74,13 +91,16 @@ def build(scene: Scene, comm: MPI.Comm = MPI.COMM_WORLD) -> Built:
         moves.append((load.path, _setter(value, np.array(load.value) if len(load.value) > 1 else load.value[0])))
     for probe in scene.probes:
         domain.dims(probe.at)
+    solids = [led(solid) for solid in scene.bodies]
+    moves += [(solid.path, move) for solid, (_, move) in zip(scene.bodies, solids, strict=True)]
 
     def set_load(t: float) -> None:
         for path, move in moves:
             move(share(path, t, smooth=scene.dynamic))
 
     set_load(0.0)
-    return Built(scene, known, cloth, bcs, loads, set_load)
+    touch = touching(cloth, [body for body, _ in solids], scene.contact)
+    return Built(scene, known, cloth, bcs, loads, set_load, touch)
 
 
 def _material(entry: Entry, domain: meshing.Domain, known: dict[str, fabrics.Fabric]) -> Material:

@@ -24,6 +24,8 @@ FREE = {
     "supports",
     "loads",
     "probes",
+    "bodies",
+    "contact",
 }
 FREE |= {"turns", "steps", "smallest", "end", "step", "colour", "view", "animation", "checkpoint"}
 """What a scene may say otherwise when it is gone on with, or is looked at in another way."""
@@ -43,6 +45,7 @@ def marks(built: Built) -> dict[str, str]:
         moves = any((*support.shift, *support.turn))
         named[f"support[{i}]"] = support if moves else replace(support, path=())  # which by default goes to the end
     named |= {f"load[{i}]": load for i, load in enumerate(scene.loads, 1)}
+    named |= _touching(built)
     groups = {support.at for support in scene.supports} | {load.at for load in scene.loads if load.at}
     for entry in scene.materials:
         of = f"material {entry.at!r}." if entry.at else ""
@@ -55,6 +58,19 @@ def marks(built: Built) -> dict[str, str]:
         named |= {f"{of}{f.name}": getattr(fabric, f.name) for f in fields(fabric) if f.name not in WORDS}
     named |= {f"group {name!r}": group(built.cloth.domain, name) for name in sorted(groups)}
     return {name: str(value) for key, part in named.items() for name, value in _leaves(key, part)}
+
+
+def _touching(built: Built) -> dict[str, Any]:
+    """Of bodies and contact; of a surface from a file it is its triangles that count."""
+    named: dict[str, Any] = {}
+    if built.touch is not None:
+        named["contact"] = built.scene.contact
+        for i, (said, body) in enumerate(zip(built.scene.bodies, built.touch.bodies, strict=True), 1):
+            if said.kind == "surface":
+                digest = hashlib.sha256((np.round(body.rest, 9) + 0.0).tobytes() + body.faces.tobytes()).hexdigest()[:8]
+                said = replace(said, options={"corners": f"of {len(body.rest)} ({digest})"})
+            named[f"body[{i}]"] = said if any((*said.shift, *said.turn)) else replace(said, path=())
+    return named
 
 
 def group(domain: Domain, name: str) -> str:

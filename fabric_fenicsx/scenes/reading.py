@@ -43,6 +43,25 @@ Every key, with its default where it has one:
                                                 # force_N; `at`: only these three need it
     path = [[0, 1]]                             # how much of it, as above; in statics [[0, 0], [1, 1]]
 
+    [[body]]                                    # what the sheet may touch, as many as are needed; or [contact] alone
+    name = "ball"                               # columns ball_x_N, ball_x_Nm, ...: of the sheet on it, about the origin
+    kind = "sphere"                             # plane: normal, point_m, size_m (as it is drawn), the space behind it;
+    radius_m = 0.3                              # cylinder, capsule: radius_m, length_m (of a capsule without its ends),
+    centre_m = [1, 1, -0.4]                     # centre_m, axis; box: size_m, centre_m, orientation_deg; surface: file,
+    cells = 12                                  # numbers, scale, merge, as of [mesh]. cells: along a quarter of round
+    shift_m = [0, 0, 0.1]                       # ones, along a side of a box. It stays, or is led: shift_m, turn_deg,
+    path = [[0, 0], [1, 1]]                     # about_m, path as of a grip; a plane is not turned, a box can be
+
+    [contact]                                   # may be left out where there is a body
+    friction = 0.0                              # coefficient, of sliding; of sticking:
+    static_friction = 0.0                       # by default the same
+    itself = true                               # whether the sheet touches itself; else it goes through itself
+    offset_m = 0.5e-3                           # always stays between surfaces; the largest thickness if left out
+    reach_m = 2.5e-3                            # beyond it surfaces push; five thicknesses, at most a tenth of an edge
+    stiffness_Pa = 1e3                          # pressure at about half the reach
+    slip_m_per_s = 1e-3                         # from which on all of the friction acts
+    creep_m = 2e-5                              # the way in a step that stands for it in statics
+
     [statics]                                   # or [dynamics]
     turns = [1]                                 # load parts to go to; [1, 0] loads and takes the load away
     steps = 10                                  # to each
@@ -67,54 +86,17 @@ Every key, with its default where it has one:
 """
 
 from dataclasses import dataclass
-from itertools import pairwise
 from pathlib import Path
-
-import numpy as np
 
 from .. import entries
 from ..entries import Table
 from ..output.pictures import VIEW
 from ..output.series import LABELS
 from ..shell.directors import ELEMENTS
-from . import shipped
+from . import shipped, support_reading
+from .bodies import Options, Solid, contact, solids
 from .sheet_reading import Entry, Vector, materials
-
-AXES = ("x", "y", "z")
-LOADS = {
-    "gravity": ("acceleration_m_per_s2", 3),
-    "pressure": ("pressure_Pa", 1),
-    "surface": ("force_N_per_m2", 3),
-    "edge": ("force_N_per_m", 3),
-    "moment": ("moment_N_m_per_m", 3),
-    "point": ("force_N", 3),
-}
-"""Kind of load -> key of its value, and how many numbers that is."""
-
-type Course = tuple[tuple[float, float], ...]
-
-
-@dataclass(frozen=True)
-class Support:
-    """How a group is held or moved; shift in m, turn in radians, about a point in m."""
-
-    at: str
-    kind: str
-    axis: int
-    shift: Vector
-    turn: Vector
-    about: Vector
-    path: Course
-
-
-@dataclass(frozen=True)
-class Load:
-    """A load in SI units on a group, or on the whole sheet (at is "")."""
-
-    kind: str
-    at: str
-    value: Vector
-    path: Course
+from .support_reading import AXES, Load, Support
 
 
 @dataclass(frozen=True)
@@ -145,6 +127,8 @@ class Scene:
     supports: tuple[Support, ...]
     loads: tuple[Load, ...]
     probes: tuple[Probe, ...]
+    bodies: tuple[Solid, ...]
+    contact: Options | None
     dynamic: bool
     turns: Vector
     steps: int
@@ -166,7 +150,8 @@ def read(path: str | Path, *, trust: bool = False) -> Scene:
     """
     path = shipped.scene(path)
     file = entries.read(path, "a scene file", "the example of 'fabric-fenicsx run --keys'")
-    file.expect("mesh sheet support", "title load statics dynamics probe output")
+    needed = "mesh sheet" if "body" in file.entries else "mesh sheet support"
+    file.expect(needed, "title support load body contact statics dynamics probe output")
     mesh, sheet = file.table("mesh"), file.table("sheet")
     mesh.expect("file", "numbers orient scale merge triangulate")
     made = materials(sheet, path.parent)
@@ -184,10 +169,19 @@ def read(path: str | Path, *, trust: bool = False) -> Scene:
         how.refuse("smallest", "is more than a whole step", "give the part of a step below which none is cut, up to 1")
     if damping < 0.0:
         how.refuse("damping_per_s", "is negative", "give 0 or more")
-    supports = tuple(_support(table, dynamic, end) for table in file.tables("support"))
-    _once(file.tables("support"), [[(s.at, axis) for axis in _axes(s)] for s in supports], "is held along {1} already")
+    supports = tuple(support_reading.support(table, dynamic, end) for table in file.tables("support"))
+    _once(
+        file.tables("support"),
+        [[(s.at, axis) for axis in support_reading.axes(s)] for s in supports],
+        "is held along {1} already",
+    )
     probes = tuple(_probe(table) for table in file.tables("probe"))
     _once(file.tables("probe"), [[(p.name, AXES[p.axis])] for p in probes], "names another probe along {1}", "name")
+    bodies = solids(file, path.parent, dynamic, end, trust)
+    _once(file.tables("body"), [[(body.name, "")] for body in bodies], "names another body", "name")
+    for table, body in zip(file.tables("body"), bodies, strict=True):
+        if body.name in {support.at for support in supports}:
+            table.refuse("name", "is also a place of a support, and both have columns in the history", "change it")
     output = file.table("output") if "output" in file.entries else Table(file.file, "output.", {})
     output.expect("", "colour view animation checkpoint_s")
     checkpoint = output.real("checkpoint_s", 60.0)
@@ -211,8 +205,10 @@ def read(path: str | Path, *, trust: bool = False) -> Scene:
         kinematics=sheet.choice("kinematics", ("shell", "membrane")),
         element=element,
         supports=supports,
-        loads=tuple(_load(table, dynamic) for table in file.tables("load")),
+        loads=tuple(support_reading.load(table, dynamic) for table in file.tables("load")),
         probes=probes,
+        bodies=bodies,
+        contact=contact(file),
         dynamic=dynamic,
         turns=how.numbers("turns") if "turns" in how.entries else (1.0,),
         steps=how.count("steps", 10),
@@ -238,51 +234,6 @@ def _once(tables: list[Table], claims: list[list[tuple[str, str]]], reason: str,
         before.update(own)
 
 
-def _axes(support: Support) -> str:
-    """The axes along which a support holds or leads."""
-    return {"lead": AXES[support.axis], "symmetry": AXES[support.axis], "rigid": ""}.get(support.kind, "xyz")
-
-
-def _support(table: Table, dynamic: bool, end: float) -> Support:
-    kinds = {"hinge": "", "clamp": "", "symmetry": "axis", "lead": "axis shift_m", "grip": "", "rigid": ""}
-    kind = table.choice("kind", tuple(kinds))
-    table.expect(f"at kind {kinds[kind]}", {"lead": "path", "grip": "shift_m turn_deg about_m path"}.get(kind, ""))
-    zero: Vector = (0.0, 0.0, 0.0)
-    shift, turn, about = zero, zero, zero
-    if kind == "lead":
-        shift = (table.number("shift_m", table.entries["shift_m"]),)
-    elif kind == "grip":
-        shift, turn, about = (
-            table.numbers(key, 3) if key in table.entries else zero for key in ("shift_m", "turn_deg", "about_m")
-        )
-    path = _path(table, ((0.0, 0.0), (end if dynamic else 1.0, 1.0)))
-    axis = AXES.index(table.choice("axis", AXES)) if "axis" in table.entries else 0
-    return Support(table.text("at"), kind, axis, shift, tuple(np.radians(turn).tolist()), about, path)
-
-
-def _load(table: Table, dynamic: bool) -> Load:
-    kind = table.choice("kind", tuple(LOADS), default="")
-    if not kind:
-        table.refuse("kind", "is missing", f"write one of {', '.join(LOADS)}")
-    key, count = LOADS[kind]
-    needs_place = kind in ("edge", "moment", "point")
-    table.expect(f"kind {key}" + (" at" if needs_place else ""), "path" + ("" if needs_place else " at"))
-    value = table.numbers(key, 3) if count == 3 else (table.number(key, table.entries[key]),)
-    at = table.text("at") if "at" in table.entries else ""
-    return Load(kind, at, value, _path(table, ((0.0, 1.0),) if dynamic else ((0.0, 0.0), (1.0, 1.0))))
-
-
 def _probe(table: Table) -> Probe:
     table.expect("name at axis")
     return Probe(table.text("name"), table.text("at"), AXES.index(table.choice("axis", AXES)))
-
-
-def _path(table: Table, default: Course) -> Course:
-    """Pairs of load part or time, and share; the first of each pair grows."""
-    listed = table.entries.get("path", [[*pair] for pair in default])
-    if not isinstance(listed, list) or not listed or not all(isinstance(p, list) and len(p) == 2 for p in listed):
-        table.refuse("path", "is not a list of pairs", "write it as [[0, 0], [1, 1]]")
-    pairs = tuple((table.number("path", a), table.number("path", b)) for a, b in listed)
-    if any(before[0] >= after[0] for before, after in pairwise(pairs)):
-        table.refuse("path", "goes back", "order its pairs by their first number")
-    return pairs

@@ -11,9 +11,11 @@ from ..output.recording import Recorder
 from ..solvers.continuation import Step
 from ..solvers.marching import March
 from ..terms import supports
+from .bodies import pressed
 from .building import Built, build
 from .marks import marks
-from .reading import AXES, Scene
+from .reading import Scene
+from .support_reading import AXES
 
 
 def run(scene: Scene, out: Path, progress: bool = True, resume: Path | bool | None = None) -> results.Table:
@@ -38,7 +40,7 @@ def run(scene: Scene, out: Path, progress: bool = True, resume: Path | bool | No
             row |= {f"{at}_{AXES[k]}_N": solver.reaction(unknowns[k]) for k in range(3)}
             moment = solver.reaction_moment(everything[at])
             row |= {f"{at}_{AXES[k]}_Nm": moment[k] for k in range(3)}
-        return row
+        return row if built.touch is None else row | pressed(built.touch)
 
     with Recorder(
         cloth, out, probes, title=scene.title, when=_time if scene.dynamic else _load, colour=scene.colour,
@@ -64,10 +66,10 @@ def _start(built: Built, progress: bool) -> tuple[Iterator[Step], Any, Any]:
     scene, name = built.scene, built.scene.title if progress else None
     if scene.dynamic:
         motion, _ = built.cloth.newmark(
-            built.areal_mass, built.bcs, built.loads, scene.rho, scene.damping, set_load=built.set_load
+            built.areal_mass, built.bcs, built.acting, scene.rho, scene.damping, set_load=built.set_load
         )
         return motion.march(scene.end, scene.step, scene.smallest, name), motion.solver, motion
-    solver, parts, last = built.cloth.equilibrium(built.bcs, built.loads), [], 0.0
+    solver, parts, last = built.cloth.equilibrium(built.bcs, built.acting), [], 0.0
     for turn in scene.turns:
         parts += [*np.linspace(last, turn, scene.steps + 1)[1:]]
         last = turn

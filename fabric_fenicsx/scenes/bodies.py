@@ -1,0 +1,141 @@
+"""What the tables [[body]] and [contact] of a scene say, and the bodies and the contact that they make.
+
+Nothing of `contact` is imported for a scene that has none of it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ..entries import Table
+from ..sheet import Sheet
+from . import shipped
+from .sheet_reading import Vector
+from .support_reading import AXES, Course, move, whole_course
+
+if TYPE_CHECKING:
+    from ..contact.bodies import Body
+    from ..contact.contact import Contact
+
+KINDS = {
+    "plane": ("", "normal point_m size_m"),
+    "sphere": ("radius_m", "centre_m cells"),
+    "cylinder": ("radius_m length_m", "centre_m axis cells"),
+    "capsule": ("radius_m length_m", "centre_m axis cells"),
+    "box": ("size_m", "centre_m orientation_deg cells"),
+    "surface": ("file", "numbers scale merge"),
+}
+"""Kind of body, see `contact.bodies` -> keys that it needs, and those that it may have."""
+MOVE = {kind: "shift_m path" if kind == "plane" else "shift_m turn_deg about_m path" for kind in KINDS}
+
+
+type Options = dict[str, float | bool]
+"""Those of `contact.Contact` that the scene gives, in SI units."""
+
+
+@dataclass(frozen=True)
+class Solid:
+    """A body; options: of its class in `contact.bodies`, in SI units. Its move is that of a `Support`."""
+
+    name: str
+    kind: str
+    options: dict[str, Any]
+    shift: Vector
+    turn: Vector
+    about: Vector
+    path: Course
+
+
+def solids(file: Table, folder: Path, dynamic: bool, end: float, trust: bool) -> tuple[Solid, ...]:
+    """All bodies of a scene file; folder: where surfaces are; trust: whether their meshes may run programs."""
+    found = []
+    for table in file.tables("body"):
+        kind = table.choice("kind", tuple(KINDS), default="")
+        if not kind:
+            table.refuse("kind", "is missing", f"write one of {', '.join(KINDS)}")
+        needed, more = KINDS[kind]
+        table.expect(f"name kind {needed}", f"{more} {MOVE[kind]}")
+        keys = [key for key in f"{needed} {more}".split() if key in table.entries]
+        options = dict(_option(table, key, kind, folder) for key in keys)
+        if kind == "surface":
+            options["trust"] = trust
+        found.append(Solid(table.text("name"), kind, options, *move(table), whole_course(table, dynamic, end)))
+    if "body" in file.entries and not found:
+        file.refuse("body", "is empty", "write each under [[body]]")
+    return tuple(found)
+
+
+def _option(table: Table, key: str, kind: str, folder: Path) -> tuple[str, Any]:
+    """Name and value in SI units of what a body is made with."""
+    if key == "file":
+        return "path", str(shipped.mesh(folder, table.text(key)))
+    if key == "numbers":
+        own = table.table(key)
+        return key, {name: own.number(name, value) for name, value in own.entries.items()}
+    if key == "cells":
+        return key, table.count(key, 1)
+    if key == "orientation_deg":
+        return "turn", tuple(math.radians(angle) for angle in table.numbers(key, 3))
+    name = key.removesuffix("_m")
+    if name in ("radius", "length", "scale", "merge") or (name == "size" and kind == "plane"):
+        return name, table.positive(key)
+    numbers = table.numbers(key, 3)
+    if name in ("normal", "axis") and not any(numbers):
+        table.refuse(key, "is no direction", "write it as [0, 0, 1]")
+    if name == "size" and min(numbers) < 1e-15:
+        table.refuse(key, "holds a number that is not positive", "give the lengths of three edges")
+    return name, numbers
+
+
+def contact(file: Table) -> Options | None:
+    """How surfaces touch; None where nothing is to touch."""
+    if not {"contact", "body"} & file.entries.keys():
+        return None
+    table = file.table("contact") if "contact" in file.entries else Table(file.file, "contact.", {})
+    lengths = {"offset_m": "offset", "reach_m": "reach", "stiffness_Pa": "stiffness"}
+    lengths |= {"slip_m_per_s": "slip", "creep_m": "creep"}
+    table.expect("", f"friction static_friction itself {' '.join(lengths)}")
+    options: Options = {name: table.positive(key) for key, name in lengths.items() if key in table.entries}
+    friction = table.real("friction", 0.0)
+    if friction < 0.0:
+        table.refuse("friction", "is negative", "give a coefficient of 0 or more")
+    static = table.real("static_friction", friction)
+    if static < friction:
+        table.refuse("static_friction", f"is less than the friction of sliding, {friction:g}", "give at least that")
+    itself = table.yes("itself", True)
+    if not itself and "body" not in file.entries:
+        table.refuse("itself", "leaves nothing to touch", "add a [[body]], or leave [contact] out")
+    return options | {"friction": friction, "static": static, "itself": itself}
+
+
+def led(solid: Solid) -> tuple[Body, Callable[[float], None]]:
+    """A body, and what leads it to a share of its move. Raises InputError."""
+    from ..contact import bodies
+
+    body = bodies.KINDS[solid.kind](**solid.options, name=solid.name)
+    shift, turn = np.array(solid.shift), np.array(solid.turn)
+    return body, lambda part: body.move(part * shift, part * turn, solid.about)
+
+
+def touching(cloth: Sheet, bodies: list[Body], options: Options | None) -> Contact | None:
+    """The contact of a sheet that is where it starts, as its bodies are. Raises InputError, on every rank."""
+    if options is None:
+        return None
+    from ..contact.contact import Contact
+
+    return Contact(cloth, bodies, **options)  # type: ignore[arg-type]
+
+
+def pressed(touch: Contact) -> dict[str, float]:
+    """Columns of a history: the least gap, and force and moment about the origin of the sheet on each body."""
+    row = {"least_gap_m": touch.least_gap()}
+    for body in touch.bodies:
+        for unit, values in (("N", touch.force(body)), ("Nm", touch.moment(body))):
+            row |= {f"{body.name}_{axis}_{unit}": float(value) for axis, value in zip(AXES, values, strict=True)}
+    return row
