@@ -73,6 +73,9 @@ class Lines:
     def __exit__(self, *fault: object) -> None:
         """A file needs no clearing."""
 
+    def close(self) -> None:
+        """A file needs none."""
+
     def set_postfix(self, refresh: bool = True, **numbers: object) -> None:
         """What the next line ends with."""
         self._said = ", ".join(f"{name}={value}" for name, value in numbers.items())

@@ -31,6 +31,7 @@ PATIENCE = 3  # whole steps in which the energy may rise
 SUFFICIENT = 1e-4  # of the slope
 ROUND_OFF = 1e-10  # of the sum of the energies' sizes: below, slopes tell a change better
 ESCAPES = 5
+NEUTRAL = 1e-12  # of the largest entry on the diagonal
 
 type Search = Literal["energy", "newton"]
 
@@ -239,8 +240,9 @@ class StableSolver(StaticSolver):
         self.negative = self._pivots.count(self.snes.ksp, self.tangent.A)[0]
         if self.negative == 0:
             return None
+        largest = self.tangent.A.getDiagonal().norm(PETSc.NormType.NORM_INFINITY)
         value, v = self._pivots.lowest(self.prepared())
-        if value >= 0.0:  # neutral: a pivot of round-off
+        if value >= -NEUTRAL * largest:  # a pivot of round-off, as of a sheet that nothing holds
             self.negative = 0
             return None
         reach, turn = self._most(v, self.displacements), self._most(v, self._angles)
