@@ -13,6 +13,7 @@ from .records import WORDS, Record
 from .tables import read_table
 
 STILL = 1e-3  # photographs whose displacement is below this part of the largest one show the strip at rest
+RESOLVED = 1e-6  # no photograph tells smaller strains
 START = 0.02  # a first photograph below this part of it is taken for rest
 
 
@@ -76,7 +77,7 @@ def contraction(path: str | Path) -> Contraction:
         raise InputError(f"{file}: fewer than three dots, not in line, are seen at rest; mark a grid of dots.")
     E = _strains(x, X)
     whole = np.flatnonzero(np.isfinite(E).all(axis=1))
-    off = whole[np.any([cleaning.wild(E[whole, i]) for i in range(2)], axis=0)]
+    off = whole[np.any([cleaning.wild(E[whole, i], RESOLVED) for i in range(2)], axis=0)]
     notes += [f"{file}: the photograph in line {table.lines[k]} is far off the others and is left out." for k in off]
     x[off] = np.nan
     if np.isfinite(x[rest]).any(axis=0).all():
