@@ -11,9 +11,12 @@ demo: setup ## tensile tests of all four fabrics by the thesis's law and by the 
 thesis: setup ## chapter 7 of the thesis beside this code, in out/thesis/thesis.html; what has run before is kept
 	$(python) demos/thesis/thesis.py
 
-test: lint ## lint, then all tests, then the parallel ones again on 2 ranks
-	$(python) -m pytest -n auto --maxprocesses 4 --dist worksteal
+test: lint ## lint, then all tests but the slow ones, then the parallel ones again on 2 ranks
+	$(python) -m pytest -n auto --maxprocesses 4 --dist worksteal -m "not slow"
 	.venv/bin/mpirun -n 2 $(python) -m pytest -m parallel
+
+slow: setup ## tests of whole studies and demos, which take some minutes
+	$(python) -m pytest -n auto --maxprocesses 4 --dist worksteal -m slow
 
 lint: setup ## ruff's rules and format, and the types of the package
 	.venv/bin/ruff check
@@ -36,4 +39,4 @@ clean: ## remove .venv and the caches in this folder; results under out/ stay
 	rm -rf .venv .cache build *.egg-info .hypothesis .mypy_cache .pytest_cache .ruff_cache
 	find . -name __pycache__ -prune -exec rm -rf {} +
 
-.PHONY: help demo thesis test lint docs studies setup clean
+.PHONY: help demo thesis test slow lint docs studies setup clean

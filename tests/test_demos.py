@@ -174,6 +174,7 @@ def test_law_steps(demo, tmp_path):
     assert np.allclose(errors[:2], [9.72, 4.86], atol=0.01), "muslin along the warp, 10 and 20 steps"
 
 
+@pytest.mark.slow
 def test_identify_and_pull_the_identified_fabric(demo, tmp_path):
     """Records, report, fabric file, and the tensile tests with it, as a plain user runs them.
 

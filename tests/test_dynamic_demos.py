@@ -59,6 +59,7 @@ def test_explicit_and_implicit_drapes_agree(demo, tmp_path):
     assert status == 1 and "apart: NO;" in said
 
 
+@pytest.mark.slow
 def test_cost_is_told_and_ranks_agree(demo, tmp_path):
     also = ["--", "--isotropic", "8e6,0.25"]
     status, said, _ = demo(
@@ -70,6 +71,7 @@ def test_cost_is_told_and_ranks_agree(demo, tmp_path):
     assert min(table["cpu_ms"]) > 0
 
 
+@pytest.mark.slow
 def test_solvers_of_linear_systems_are_compared(demo, tmp_path):
     words = ["--cells", "10", "--solver", "lagged", "iterative", "--end", "0.01", "--out", tmp_path]
     status, said, _ = demo("scaling.py", *words, "--", "--isotropic", "8e6,0.25")
@@ -103,6 +105,7 @@ def test_bad_input_is_answered_in_a_sentence(demo, tmp_path, name, words, reason
     assert "error: " in complaint and reason in complaint
 
 
+@pytest.mark.slow
 def test_two_ranks_give_the_same(demo, tmp_path):
     """The drape of fabric until after the start of its fall, a swing, and a flight."""
     runs = {

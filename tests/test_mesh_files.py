@@ -460,7 +460,6 @@ def run(folder, scene, *words):
     return done.returncode, done.stdout + done.stderr
 
 
-@pytest.mark.slow
 def test_a_scene_runs_programs_only_with_trust_and_tells_its_pieces(tmp_path):
     text = (DATA / "two.geo").read_text()
     (tmp_path / "a.geo").write_text('SystemCall "touch HERE";\n' + text)

@@ -49,6 +49,7 @@ def test_stability(study):
     assert [row["verdict"] for row in rows] == ["works", "refused", *["works"] * 4]
 
 
+@pytest.mark.slow
 def test_error_vs_runtime(study):
     cases = ("point", "strip", "end_shear_0.0001", "drape")
     status, said, rows = study("error_vs_runtime", "--quick", "--case", *cases)
