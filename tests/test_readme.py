@@ -69,6 +69,7 @@ def test_measured_pages_are_those_of_their_commands():
         assert not any("status" in ended for ended in re.findall(r"^\d+ s(.*)$", text, re.M)), name
 
 
+@pytest.mark.slow
 def test_verbs_run(tmp_path):
     """As a newcomer would, line by line, in an empty folder that has the demos and the records of a fabric."""
     (tmp_path / "demos").symlink_to(ROOT / "demos")

@@ -85,6 +85,7 @@ def test_its_metadata_are_whole(command):
     assert {"Summary", "Author", "Keywords", "Classifier", "License-Expression", "Requires-Python"} <= set(said)
 
 
+@pytest.mark.slow
 def test_every_verb_works(command):
     assert "blend" in command("fabrics", "list")
     assert "blend" in command("fabrics", "show", "blend")
