@@ -6,6 +6,7 @@ import re
 import subprocess
 import sys
 
+import pytest
 from test_layers import FILES, FOLDERS, PACKAGE, placed, room_of
 from test_setup import ROOT
 
@@ -66,6 +67,7 @@ def imports_of(path):
             yield from (f"{base}.{alias.name}".strip(".") for alias in node.names if alias.name != "__version__")
 
 
+@pytest.mark.slow
 def test_make_docs(tmp_path):
     """Every page but most demos', which run: their pages are made by `make docs`."""
     recipe = re.search(r"^docs:.*\n\t\$\(python\) (.*)", (ROOT / "Makefile").read_text(), re.M).group(1).split()

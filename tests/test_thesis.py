@@ -33,6 +33,7 @@ def answer(folder, name):
     return json.loads(path.read_text())["answer"]
 
 
+@pytest.mark.slow
 def test_the_page(demo, cases, tmp_path, monkeypatch):
     """A run with a case that fails, and another where one has changed."""
     listed = cases.listed(quick=True)
