@@ -71,6 +71,12 @@ class Table:
             self.refuse(key, "is not a text", "write at least one word in double quotes")
         return value
 
+    def one_of(self, key: str, known: tuple[str, ...]) -> str:
+        """The text `key`, one of a few, which has to be there."""
+        if key not in self.entries:
+            self.refuse(key, "is missing", f"write one of {', '.join(known)}")
+        return self.choice(key, known)
+
     def choice(self, key: str, known: tuple[str, ...], default: str | None = None) -> str:
         """The text `key`, one of a few; the first, or `default`, where it is left out."""
         if key not in self.entries:

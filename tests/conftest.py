@@ -4,6 +4,7 @@ On several ranks only rank 0 reports, a test fails on all ranks if it fails on a
 hangs is ended with the line where each rank stands.
 """
 
+import builtins
 import faulthandler
 import gc
 import io
@@ -37,6 +38,19 @@ def pytest_configure(config):
     config.stash[STDERR] = os.dup(2)
     if COMM.rank > 0:
         sys.stdout = io.StringIO()
+
+
+@pytest.fixture
+def without_toolkit(monkeypatch):
+    """As if the toolkit of contact was not installed."""
+    real = builtins.__import__
+
+    def without(name, *rest, **more):
+        if name == "ipctk":
+            raise ImportError(name)
+        return real(name, *rest, **more)
+
+    monkeypatch.setattr(builtins, "__import__", without)
 
 
 if COMM.size > 1:

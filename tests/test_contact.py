@@ -1,6 +1,5 @@
 """Contact with bodies: forces from an energy, nothing passes, energy and momentum, closed forms, one and two ranks."""
 
-import builtins
 import subprocess
 import sys
 
@@ -232,15 +231,7 @@ def test_a_start_across_a_body_or_within_the_offset_is_refused():
         bodies.Plane().move((0, 0, 1), (1, 0, 0))
 
 
-def test_without_the_toolkit_a_sentence_says_what_to_install(monkeypatch):
-    real = builtins.__import__
-
-    def without(name, *rest, **more):
-        if name == "ipctk":
-            raise ImportError(name)
-        return real(name, *rest, **more)
-
-    monkeypatch.setattr(builtins, "__import__", without)
+def test_without_the_toolkit_a_sentence_says_what_to_install(without_toolkit):
     with pytest.raises(InputError, match=r"fabric_fenicsx\[contact\]"):
         Contact(square(), [bodies.Plane(point=(0, 0, -1))])
 

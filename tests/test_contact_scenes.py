@@ -1,6 +1,5 @@
 """Contact in a scene file: the answer of the script, columns, moves, faults, checkpoints, one and two ranks."""
 
-import builtins
 import re
 import subprocess
 import sys
@@ -162,15 +161,7 @@ def test_what_cannot_be_is_refused_in_a_sentence(tmp_path, old, new, reason):
     assert "\n" not in str(fault.value)
 
 
-def test_without_the_toolkit_a_sentence_says_what_to_install(tmp_path, monkeypatch):
-    real = builtins.__import__
-
-    def without(name, *rest, **more):
-        if name == "ipctk":
-            raise ImportError(name)
-        return real(name, *rest, **more)
-
-    monkeypatch.setattr(builtins, "__import__", without)
+def test_without_the_toolkit_a_sentence_says_what_to_install(tmp_path, without_toolkit):
     with pytest.raises(InputError, match=r"pip install 'fabric_fenicsx\[contact\]'"):
         scenes.build(scene(tmp_path, DROP))
 

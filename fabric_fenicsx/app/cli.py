@@ -181,7 +181,7 @@ def identify(tests: Path, shear: str, ends: str, out: Path) -> None:
 @click.option("--quiet", is_flag=True, help="No progress.")
 @click.option("--trust", is_flag=True, help="Let a .geo mesh run programs and write files, if it does.")
 def run(scene: Path, out: Path | None, resume: str | None, quiet: bool, trust: bool) -> None:
-    """Run SCENE, a TOML file (see --keys) or one that is shipped: hanging, twisted_strip; also by mpirun -n N."""
+    """Run SCENE, a TOML file (see --keys) or one that is shipped: hanging, sphere, ...; also by mpirun -n N."""
     from .. import scenes
     from ..output import results
     from . import command

@@ -103,33 +103,26 @@ class Cylinder(Body):
         axis: Vector = (0, 0, 1),
         *,
         cells: int = 12,
-        name: str = "cylinder",
+        name: str = "",
     ) -> None:
+        name = name or type(self).__name__.lower()
         _positive(name, radius=radius, length=length, cells=cells)
-        profile = np.array([[0, -1], [radius, -1], [radius, 1], [0, 1]]) * np.array([1, length / 2])
-        rest, faces = _turned(profile, 4 * cells)
+        rest, faces = _turned(self._profile(radius, length, cells), 4 * cells)
         super().__init__(rest @ _frame(axis, name) + np.array(centre, dtype=float), faces, name)
 
+    def _profile(self, radius: float, length: float, cells: int) -> Array:
+        """Radii and heights, upwards."""
+        return np.array([[0, -1], [radius, -1], [radius, 1], [0, 1]]) * np.array([1, length / 2])
 
-class Capsule(Body):
+
+class Capsule(Cylinder):
     """A cylinder of this length with half a sphere at each end, about an axis through its centre; as a `Cylinder`."""
 
-    def __init__(
-        self,
-        radius: float,
-        length: float,
-        centre: Vector = (0, 0, 0),
-        axis: Vector = (0, 0, 1),
-        *,
-        cells: int = 12,
-        name: str = "capsule",
-    ) -> None:
-        _positive(name, radius=radius, length=length, cells=cells)
+    def _profile(self, radius: float, length: float, cells: int) -> Array:
         angle = np.linspace(-np.pi / 2, 0, cells + 1)
         half = radius * np.stack([np.cos(angle), np.sin(angle)], axis=1) - np.array([0, length / 2])
         half[0, 0] = 0.0
-        rest, faces = _turned(np.concatenate([half, half[::-1] * np.array([1, -1])]), 4 * cells)
-        super().__init__(rest @ _frame(axis, name) + np.array(centre, dtype=float), faces, name)
+        return np.concatenate([half, half[::-1] * np.array([1, -1])])
 
 
 class Surface(Body):

@@ -188,9 +188,7 @@ def _scatter(name: str, unit: float, values: Array | None) -> dict[str, float]:
 
 
 def _estimate(values: Array | list[float], alone: float | None = None) -> Estimate:
-    n, mean = len(values), float(np.mean(values))
-    single = ALONE * mean if alone is None else alone
-    return Estimate(mean, float(np.std(values, ddof=1) / np.sqrt(n)) if n > 1 else single, n)
+    return Estimate.of(values, ALONE * values[0] if alone is None else alone)
 
 
 def _weighted(kinds: dict[str, Estimate]) -> tuple[float, float]:

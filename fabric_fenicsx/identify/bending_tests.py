@@ -13,6 +13,7 @@ import numpy as np
 from ..errors import InputError
 from ..laws import Array
 from . import units
+from .keys import expect
 from .tables import read_table
 
 WAYS = ("warp", "weft", "bias")
@@ -80,10 +81,7 @@ def read(path: str | Path, entries: object) -> BendingTests:
     """The table [bending] of a list of tests; raises InputError for what is unknown, missing or no number."""
     if not isinstance(entries, dict):
         raise InputError(f"{path}: bending is not a table; write its entries under [bending.warp] and so on.")
-    for key in entries:
-        if key not in (*WAYS, "bias_strip"):
-            near = get_close_matches(key, (*WAYS, "bias_strip"), n=1) or ["warp, weft, bias, bias_strip"]
-            raise InputError(f"{path}: bending.{key} is not a known key; known is {near[0]}.")
+    expect(path, "bending.", entries, (), (*WAYS, "bias_strip"))
     ways = {way: _strip(path, f"bending.{way}", entries[way]) for way in WAYS if way in entries}
     for way in ("warp", "weft"):
         if way not in ways:

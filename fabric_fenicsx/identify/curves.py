@@ -7,8 +7,10 @@ constant of (6.14) is a specimen's own, a pre-load or an offset of the load cell
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Self
 
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy.optimize import LinearConstraint, minimize
 
 from ..laws import Array
@@ -36,6 +38,13 @@ class Estimate:
     value: float
     error: float
     specimens: int
+
+    @classmethod
+    def of(cls, values: ArrayLike, alone: float) -> Self:
+        """The mean of one value a specimen; alone: the error of a single one."""
+        known = np.asarray(values, dtype=np.float64)
+        n = len(known)
+        return cls(float(known.mean()), float(known.std(ddof=1) / np.sqrt(n)) if n > 1 else float(alone), n)
 
     def __str__(self) -> str:
         return f"{self.value:.4g} ± {self.error:.2g}"

@@ -180,7 +180,7 @@ def identify(tests: listing.Tests) -> Identified:
     }
     notes += [note for several in contractions.values() for one in several for note in one.notes]
     poisson = {
-        key: _mean([c.ratio for c in several], [c.patches for c in several]) for key, several in contractions.items()
+        key: Estimate.of([c.ratio for c in several], several[0].patches) for key, several in contractions.items()
     }
     bent = bending_fit.fit(tests.bending, tests.areal_mass) if tests.bending else None
     notes += bent.notes if bent else []
@@ -275,11 +275,4 @@ def _slope(specimens: Sequence[Sequence[tuple[float, float, int] | None]]) -> Es
         for slopes in specimens
         if any(s and s[0] > 0 for s in slopes)
     ]
-    return _mean([m[0] for m in means], [m[1] for m in means]) if means else None
-
-
-def _mean(values: Sequence[float], errors: Sequence[float]) -> Estimate:
-    """Mean and its standard error, from the scatter, or of a single one its own."""
-    n = len(values)
-    error = float(np.std(values, ddof=1) / np.sqrt(n)) if n > 1 else float(errors[0])
-    return Estimate(float(np.mean(values)), error, n)
+    return Estimate.of([m[0] for m in means], means[0][1]) if means else None

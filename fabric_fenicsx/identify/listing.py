@@ -59,12 +59,12 @@ Or the sheet of a laboratory, [kes] or [fast], in the place of gauge_length_mm, 
 
 import tomllib
 from dataclasses import dataclass, field
-from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
 
 from ..errors import InputError
 from . import bending_tests, picture_frame, sheets
+from .keys import expect
 from .records import Strip
 
 TEXTS = ("name", "label", "material", "weave")
@@ -108,7 +108,7 @@ def read(path: str | Path) -> Tests:
     kind = next((key for key in ("kes", "fast") if key in entries), None)
     if kind:
         return _of_sheet(path, kind, entries)
-    _expect(
+    expect(
         path,
         "",
         entries,
@@ -118,7 +118,7 @@ def read(path: str | Path) -> Tests:
     _words(path, entries)
     numbers = {key: _number(path, key, entries[key]) for key in NUMBERS}
     records = {}
-    _expect(path, "records.", _table(path, "records", entries), (), RECORDS)
+    expect(path, "records.", _table(path, "records", entries), (), RECORDS)
     for key, names in entries["records"].items():
         if not isinstance(names, list) or not names or not all(isinstance(name, str) for name in names):
             raise InputError(f'{path}: records.{key} is not a list of files; write ["{key}_1.csv"] or more.')
@@ -149,7 +149,7 @@ def read(path: str | Path) -> Tests:
 
 def _of_sheet(path: str | Path, kind: str, entries: dict[str, Any]) -> Tests:
     """A list that holds the sheet of a laboratory in the place of records."""
-    _expect(path, "", entries, (*TEXTS, *NUMBERS[:2], kind), ("source", "assumed"))
+    expect(path, "", entries, (*TEXTS, *NUMBERS[:2], kind), ("source", "assumed"))
     _words(path, entries)
     thickness, density = (_number(path, key, entries[key]) for key in NUMBERS[:2])
     sheet = sheets.read(path, kind, entries[kind])
@@ -168,20 +168,8 @@ def _words(path: str | Path, entries: dict[str, Any]) -> None:
 
 def _assumed(path: str | Path, entries: dict[str, Any]) -> dict[str, float]:
     assumed = _table(path, "assumed", entries) if "assumed" in entries else {}
-    _expect(path, "assumed.", assumed, (), ASSUMED)
+    expect(path, "assumed.", assumed, (), ASSUMED)
     return {key: _number(path, f"assumed.{key}", value, zero=key in RATIOS) for key, value in assumed.items()}
-
-
-def _expect(
-    path: str | Path, where: str, entries: dict[str, Any], needed: tuple[str, ...], more: tuple[str, ...]
-) -> None:
-    for key in entries:
-        if key not in needed + more:
-            near = get_close_matches(key, needed + more, n=1) or [", ".join(needed + more)]
-            raise InputError(f"{path}: {where}{key} is not a known key; known is {near[0]}.")
-    for key in needed:
-        if key not in entries:
-            raise InputError(f"{path}: {where}{key} is missing; add it.")
 
 
 def _table(path: str | Path, key: str, entries: dict[str, Any]) -> dict[str, Any]:

@@ -15,7 +15,6 @@ G gf/cm/degree, 2HG and 2HG5 gf/cm at 0.5 and 5 degrees, B gf cm2/cm, 2HB gf cm/
 """
 
 from dataclasses import dataclass
-from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
 
@@ -26,6 +25,7 @@ from ..errors import InputError
 from ..laws import Array
 from . import bending_tests
 from .curves import Estimate, Readings
+from .keys import expect
 from .records import Strip
 
 GF_CM = 0.980665
@@ -34,6 +34,7 @@ KES_FORCE = 500 * GF_CM  # N/m, at which EM is read
 KES_SHEAR = np.radians(8.0)  # to which KES shears
 FAST_SHEAR = 123.0  # N/m x %, G of EB5
 POINTS = 101
+ALONE = 0.1  # of an unloading modulus: standard error of a single specimen
 KES_NEEDED, KES_MORE = ("EM", "RT", "G", "2HG", "2HG5", "B", "2HB"), ("LT", "WT")
 FAST_NEEDED = ("E5", "E20", "E100", "C")
 STRIPS = {"kes": (0.05, 0.2), "fast": (0.1, 0.05)}
@@ -69,28 +70,18 @@ def read(path: str | Path, kind: str, entries: Any) -> Sheet:
     if not isinstance(entries, dict):
         raise InputError(f"{path}: {kind} is not a table; write its entries under [{kind}].")
     needed, more = (KES_NEEDED, KES_MORE) if kind == "kes" else (FAST_NEEDED, ())
-    _expect(path, kind, entries, ("warp", "weft", *(("EB5",) if kind == "fast" else ())), ())
+    expect(path, f"{kind}.", entries, ("warp", "weft", *(("EB5",) if kind == "fast" else ())), ())
     numbers = {}
     for way in ("warp", "weft"):
         where = f"{kind}.{way}"
         if not isinstance(entries[way], dict):
             raise InputError(f"{path}: {where} is not a table; write {where} = {{ {needed[0]} = ..., ... }}.")
-        _expect(path, where, entries[way], needed, more)
+        expect(path, f"{where}.", entries[way], needed, more)
         numbers[way] = {key: _numbers(path, f"{where}.{key}", value) for key, value in entries[way].items()}
         _consistent(path, where, kind, numbers[way])
     if kind == "fast":
         numbers["bias"] = {"EB5": _numbers(path, "fast.EB5", entries["EB5"])}
     return Sheet(kind, numbers)
-
-
-def _expect(path: str | Path, where: str, entries: dict, needed: tuple[str, ...], more: tuple[str, ...]) -> None:
-    for key in entries:
-        if key not in needed + more:
-            near = get_close_matches(key, needed + more, n=1) or [", ".join(needed + more)]
-            raise InputError(f"{path}: {where}.{key} is not a known key; known is {near[0]}.")
-    for key in needed:
-        if key not in entries:
-            raise InputError(f"{path}: {where}.{key} is missing; add it.")
 
 
 def _numbers(path: str | Path, where: str, value: Any) -> Array:
@@ -140,7 +131,7 @@ def tension(sheet: Sheet, way: str, thickness: float) -> tuple[list[Readings], E
         out.append(Readings(f"{sheet.kind} {way} {k + 1}", E, S))
         if sheet.kind == "kes":  # RT: the triangle that comes back, over the work
             slopes.append(S[-1] ** 2 / 2 / (one["RT"] / 100 * np.trapezoid(S, E)))
-    return out, _estimate(slopes) if slopes else None
+    return out, Estimate.of(slopes, ALONE * slopes[0]) if slopes else None
 
 
 def _kes_force(one: dict[str, float]) -> tuple[Array, Array]:
@@ -176,9 +167,4 @@ def shear(sheet: Sheet, thickness: float) -> tuple[list[Readings], Estimate | No
             F = G * np.degrees(angle) + width / 2 * (1 - np.exp(-np.degrees(angle) / 0.5))
             out.append(Readings(f"kes shear {way} {k + 1}", angle / 2, F / thickness))
             slopes.append(2 * (3 * G + at5) / np.radians(3.0) / thickness)
-    return out, _estimate(slopes)
-
-
-def _estimate(values: list[float]) -> Estimate:
-    n, mean = len(values), float(np.mean(values))
-    return Estimate(mean, float(np.std(values, ddof=1) / np.sqrt(n)) if n > 1 else 0.1 * mean, n)
+    return out, Estimate.of(slopes, ALONE * slopes[0])

@@ -56,9 +56,7 @@ def solids(file: Table, folder: Path, dynamic: bool, end: float, trust: bool) ->
     """All bodies of a scene file; folder: where surfaces are; trust: whether their meshes may run programs."""
     found = []
     for table in file.tables("body"):
-        kind = table.choice("kind", tuple(KINDS), default="")
-        if not kind:
-            table.refuse("kind", "is missing", f"write one of {', '.join(KINDS)}")
+        kind = table.one_of("kind", tuple(KINDS))
         needed, more = KINDS[kind]
         table.expect(f"name kind {needed}", f"{more} {MOVE[kind]}")
         keys = [key for key in f"{needed} {more}".split() if key in table.entries]

@@ -86,9 +86,10 @@ def build(scene: Scene, comm: MPI.Comm = MPI.COMM_WORLD) -> Built:
         moves.append((support.path, move))
     loads: Form | int = 0
     for load in scene.loads:
-        value = fem.Constant(domain.mesh, np.array(load.value) if len(load.value) > 1 else load.value[0])
+        whole = np.array(load.value) if len(load.value) > 1 else load.value[0]
+        value = fem.Constant(domain.mesh, whole)
         loads += _work(cloth, load, value)
-        moves.append((load.path, _setter(value, np.array(load.value) if len(load.value) > 1 else load.value[0])))
+        moves.append((load.path, _setter(value, whole)))
     for probe in scene.probes:
         domain.dims(probe.at)
     solids = [led(solid) for solid in scene.bodies]

@@ -77,9 +77,7 @@ def move(table: Table) -> tuple[Vector, Vector, Vector]:
 
 def load(table: Table, dynamic: bool) -> Load:
     """A load."""
-    kind = table.choice("kind", tuple(LOADS), default="")
-    if not kind:
-        table.refuse("kind", "is missing", f"write one of {', '.join(LOADS)}")
+    kind = table.one_of("kind", tuple(LOADS))
     key, count = LOADS[kind]
     needs_place = kind in ("edge", "moment", "point")
     table.expect(f"kind {key}" + (" at" if needs_place else ""), "path" + ("" if needs_place else " at"))

@@ -36,7 +36,7 @@ NEUTRAL = 1e-12  # of the largest entry on the diagonal
 type Search = Literal["energy", "newton"]
 
 # null pivots are found, and there is room for pivots that are put off
-OPTIONS: linear.Options = linear.SYMMETRIC | {"mat_mumps_icntl_24": 1, "mat_mumps_icntl_14": 200}
+OPTIONS: linear.Options = linear.SYMMETRIC | linear.ROOM | {"mat_mumps_icntl_24": 1}
 
 
 class StableSolver(StaticSolver):

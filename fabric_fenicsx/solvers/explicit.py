@@ -10,18 +10,17 @@ from collections.abc import Callable, Iterator, Sequence
 
 import numba
 import numpy as np
-from mpi4py import MPI
 from dolfinx import fem, la
 from petsc4py import PETSc
 
 from ..errors import InputError, StepFailed
 from ..laws import Array
 from ..shell.dirichlet import check
-from ..terms.term import Residual, Term
+from ..terms.term import Residual
 from . import stable_step
 from .checkpoint import Field
 from .continuation import Step, progress_bar
-from .leading import HELD
+from .leading import HELD, free_part, limited
 from .motion import Motion
 from .stepper import Stepper
 
@@ -154,13 +153,13 @@ class CentralDifference(Stepper):
 
     def _longest(self, dt: float) -> float:
         """The part of a step of dt that all terms allow, up to 1."""
-        limited = [term for term in self.terms if type(term).longest_step is not Term.longest_step]
-        if not limited:
+        some = limited(self.terms)
+        if not some:
             return 1.0
         way, motion = np.zeros_like(self.q.x.array), self.motion
         moved = self._displacements
         way[moved] = dt * (motion.velocity.x.array[moved] + 0.5 * dt * motion.acceleration.x.array[moved])
-        return float(self.comm.allreduce(min(term.longest_step(way) for term in limited), MPI.MIN))
+        return free_part(some, way, self.comm)
 
     def forces(self) -> Array:
         """M a + residual in N at the owned unknowns: at supports, the reactions."""

@@ -6,6 +6,7 @@ from mpi4py import MPI
 from dolfinx import fem
 from petsc4py import PETSc
 
+from ..laws import Array
 from ..terms.term import Term
 
 PARTS = 20
@@ -13,10 +14,20 @@ PARTS = 20
 HELD = "what leads the sheet is held back by it"
 
 
+def limited(terms: Sequence[Term]) -> list[Term]:
+    """Those that may shorten a step."""
+    return [term for term in terms if type(term).longest_step is not Term.longest_step]
+
+
+def free_part(terms: Sequence[Term], change: Array, comm: MPI.Comm) -> float:
+    """The part of a change of q (local array) that these terms allow on all ranks, up to 1."""
+    return float(comm.allreduce(min(term.longest_step(change) for term in terms), MPI.MIN))
+
+
 def longest_step(terms: Sequence[Term], change: PETSc.Vec, V: fem.FunctionSpace, turn: PETSc.Mat | None) -> float:
     """The part of a change of the unknowns that all terms allow, up to 1. turn: dq/dx, where V is not their space."""
-    limited = [term for term in terms if type(term).longest_step is not Term.longest_step]
-    if not limited:
+    some = limited(terms)
+    if not some:
         return 1.0
     of_q = fem.Function(V)
     if turn is None:
@@ -24,7 +35,7 @@ def longest_step(terms: Sequence[Term], change: PETSc.Vec, V: fem.FunctionSpace,
     else:
         turn.mult(change, of_q.x.petsc_vec)
     of_q.x.scatter_forward()
-    return float(V.mesh.comm.allreduce(min(term.longest_step(of_q.x.array) for term in limited), MPI.MIN))
+    return free_part(some, of_q.x.array, V.mesh.comm)
 
 
 def balanced(terms: Sequence[Term], balance: Callable[[], int]) -> int | None:

@@ -18,8 +18,7 @@ ROOM, CRAMPED, WIDEST = "mat_mumps_icntl_14", (-8, -9), 1000  # percent more tha
 class Pivots:
     """LDL' by MUMPS of the matrices that are given to a KSP.
 
-    Public: `area`, mean one of a cell, m2; `shift`, sigma of the last factors (N/m); `shifts`, how many factorisations
-    more than systems there were.
+    Public: `area`, mean one of a cell, m2; `shift`, sigma of the last factors (N/m).
 
     Args:
         y: the unknown; of a shell, (u, angles).
@@ -38,7 +37,6 @@ class Pivots:
         for v in (self._metric, self._start):
             v.array_w[given] = 0.0
         self.shift = self._kept = 0.0
-        self.shifts = 0
 
     def count(self, ksp: PETSc.KSP, A: PETSc.Mat) -> tuple[int, int]:
         """Factorise; numbers of negative and of null pivots, (-1, -1) if it cannot be done."""
@@ -72,7 +70,6 @@ class Pivots:
         while self.count(ksp, A) != (0, 0) and self.shift < MOST * largest:
             self.shift = GROWTH * self.shift if self.shift else max(self._kept, LEAST * largest)
             A.setDiagonal(diagonal + self.shift * self._metric)
-            self.shifts += 1
         self._kept = self.shift / DECAY
 
     def lowest(self, ksp: PETSc.KSP) -> tuple[float, PETSc.Vec]:

@@ -4,6 +4,7 @@ from fabric_fenicsx import fabrics, plots
 
 from . import page
 from .sections import NAMES, Missing, above, block, ending, full, trace, trace_fit
+from .sheets import energies
 
 LAWS = ("printed", "continuous", "potential")
 THREE = "The thesis's law and one with a potential"
@@ -93,12 +94,12 @@ def moving(r):
                     continue
                 history, shown = answer["history"], True
                 end = history[value][-1] if value else history["element_207_E11"][-1]
+                to, imbalance, _, cuts = energies(answer)
                 rows.append(
                     (
                         f"{scene}, {fabric}", law, f"{end:.3f} m" if value else f"E11 {end:.4f}",
-                        f"{history['time_s'][-1]:.3f} s" + " (stopped)" * bool(answer["stopped"]),
-                        f"{sum(history['newton_iterations']):.0f}", f"{sum(history['step_cuts']):.0f}",
-                        page.percent(answer["law_gives_back_percent"], 3), f"{answer['imbalance_percent']:.2f} %",
+                        to, f"{sum(history['newton_iterations']):.0f}", cuts,
+                        page.percent(answer["law_gives_back_percent"], 3), imbalance,
                     )
                 )  # fmt: skip
     if not shown:
