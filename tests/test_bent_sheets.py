@@ -11,6 +11,7 @@ from dolfinx import fem
 from fabric_fenicsx import fabrics, scenes, sheet
 from fabric_fenicsx.errors import InputError
 from fabric_fenicsx.fabrics import BendingCurve, BendingCurves
+from fabric_fenicsx.fabrics.bending import bias_of_twist
 from fabric_fenicsx.identify import elastica, hanging
 from fabric_fenicsx.identify.elastica import Beam
 from fabric_fenicsx.laws.bending import Bending
@@ -21,7 +22,7 @@ from fabric_fenicsx.laws.woven import Woven
 from fabric_fenicsx.scenes import reading
 from fabric_fenicsx.solvers import statics
 from fabric_fenicsx.surfaces import meshing
-from fabric_fenicsx.terms import supports
+from fabric_fenicsx.terms import supports, weakform
 
 BLEND = fabrics.load("blend")
 SVK = StVenantKirchhoff.from_fabric(BLEND)
@@ -76,6 +77,39 @@ def test_half_the_cell_has_a_quarter_of_the_error():
     curve = BendingCurve(13.8e-6, -35.6e-9)
     coarse, fine = (rigidity(curve, cells, "mitc4") - 1 for cells in (8, 16))
     assert abs(fine) < 0.006 and abs(coarse) < 0.02 and 3 < coarse / fine < 5
+
+
+@pytest.mark.parametrize(
+    ("length", "width", "cells", "middle", "wide"),
+    [(0.06, 0.004, (45, 4), 1 / 6, False), (0.01, 0.1, (6, 24), 0.5, True)],
+)
+def test_a_bias_strip_of_a_shell(length, width, cells, middle, wide):
+    """Bent by a moment between two bars: a narrow one twists between them and is soft, a wide one cannot."""
+    linear = BendingCurve(12e-6), BendingCurve(8e-6), BendingCurve(2e-6)
+    nx, ny = cells
+    domain = meshing.read(small.MESHES / "strip.geo", MPI.COMM_SELF, length=length, width=width, nx=nx, ny=ny)
+    cloth = sheet.Sheet(
+        domain,
+        SVK,
+        BLEND.thickness,
+        (G, G),
+        np.array([1.0, 1.0, 0.0]) / np.sqrt(2),
+        bending=Bending(BendingCurves(*linear)),
+    )
+    held, given = supports.clamp(domain, cloth.space, "fixed_end"), bias_of_twist(*linear, wide=wide).B
+    supports.rigid(domain, cloth.space, "pulled_end")
+    moment, edge = fem.Constant(domain.mesh, np.zeros(3)), supports.over(domain, "pulled_end", 1)
+    solver = cloth.equilibrium(held, weakform.edge_moment(moment, cloth.director, cloth.delta, edge))
+
+    def bend(curvature):
+        moment.value[1] = given * curvature
+
+    assert len(list(statics.march(solver, bend, [2.0]))) == 1
+    u = cloth.displacement()
+    x, z = u.function_space.tabulate_dof_coordinates()[:, 0], u.x.array.reshape(-1, 3)[:, 2]
+    seen = np.abs(x - length / 2) <= middle * length + 1e-9
+    curvature = -2 * np.polyfit(x[seen], z[seen], 2)[0]
+    assert curvature == pytest.approx(2.0, rel=0.02)
 
 
 def plate(law=SVK, comm=MPI.COMM_SELF, **more):
