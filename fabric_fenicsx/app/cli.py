@@ -105,6 +105,8 @@ def fabrics_show(name: str) -> None:
                  for k, c in enumerate(curve.modulus) if c or not k]  # fmt: skip
         click.echo(f"  {way:6s}modulus {' + '.join(terms).replace('+ -', '- ')} MPa up to {E} = {curve.limit:.4g}; "
                    f"unloading {curve.unloading / 1e6:.4g} MPa")  # fmt: skip
+    if f.shear_friction:
+        click.echo(f"  shear, {f.shear_friction.describe()}")
     for key, (nu12, nu21) in f.poisson.items():
         click.echo(f"  Poisson's ratios, {key}: nu12 {nu12:g}, nu21 {nu21:g}")
     for line in f.bending_or_estimate().describe().splitlines():

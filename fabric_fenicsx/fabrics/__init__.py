@@ -22,6 +22,9 @@ Where the thesis contradicts itself, these files follow the reading that its own
 - How stiff a fabric is in biaxial tension was not measured; `transverse` of a file, with its source, is for that.
   Where a file has none it is assumed.
 
+- How shear comes back past zero stress, and what a second shear lacks of the first one, was not measured either: the
+  optional keys of [shear] tell it (`curve_reading`), and these four have none of them.
+
 Bending was not measured in the thesis, and these four have none. A user's file may have it (`bending_reading` tells the
 keys of its table [bending]); where it has not, `Fabric.bending_or_estimate` gives what 618 published fabrics of the
 same mass have, with the word "assumed" in all that it prints.
@@ -33,6 +36,17 @@ stretch there, E11 + E22 = 0, so that the axial strain (E11 + E22)/2 + E12 is E1
 
 from fabric_fenicsx.fabrics.bending import BendingCurve, BendingCurves, estimated_bending
 from fabric_fenicsx.fabrics.data import Curve, Fabric, compare
+from fabric_fenicsx.fabrics.friction import ShearFriction
 from fabric_fenicsx.fabrics.reading import load, names
 
-__all__ = ["BendingCurve", "BendingCurves", "Curve", "Fabric", "compare", "estimated_bending", "load", "names"]
+__all__ = [
+    "BendingCurve",
+    "BendingCurves",
+    "Curve",
+    "Fabric",
+    "ShearFriction",
+    "compare",
+    "estimated_bending",
+    "load",
+    "names",
+]

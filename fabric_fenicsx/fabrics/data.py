@@ -12,6 +12,7 @@ from numpy.polynomial import polynomial
 from numpy.typing import ArrayLike, NDArray
 
 from fabric_fenicsx.fabrics.bending import BendingCurves, estimated_bending
+from fabric_fenicsx.fabrics.friction import ShearFriction
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -78,6 +79,7 @@ class Fabric:
     transverse: tuple[float, float] = (TRANSVERSE, TRANSVERSE)
     transverse_source: TransverseSource = "assumed"
     bending: BendingCurves | None = None  # None: not measured
+    shear_friction: ShearFriction | None = None  # None: not told, the thesis's way
 
     @property
     def areal_mass(self) -> float:

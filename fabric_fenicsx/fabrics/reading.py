@@ -6,14 +6,12 @@ from os import PathLike
 from pathlib import Path
 from typing import cast
 
-import numpy as np
-from numpy.polynomial import Polynomial
-
 from fabric_fenicsx import entries
 from fabric_fenicsx.entries import Table
 from fabric_fenicsx.errors import InputError
 from fabric_fenicsx.fabrics.bending_reading import read_bending
-from fabric_fenicsx.fabrics.data import TRANSVERSE, TRANSVERSE_SOURCES, Curve, Fabric, TransverseSource
+from fabric_fenicsx.fabrics.curve_reading import read_curve, read_shear
+from fabric_fenicsx.fabrics.data import TRANSVERSE, TRANSVERSE_SOURCES, Fabric, TransverseSource
 
 _HERE = Path(__file__).parent
 
@@ -55,6 +53,7 @@ def _fabric(file: Table) -> Fabric:
     if file.positive("thickness_mm") >= width_mm:
         file.refuse("thickness_mm", f"is not below test.width_mm = {width_mm:g}", "give both in mm")
 
+    shear, friction = read_shear(file.table("shear"), reach["bias"], file.positive("thickness_mm") / 1000)
     poisson = file.table("poisson")
     poisson.expect("measured", "lowered")
     across, source = _transverse(file)
@@ -64,9 +63,9 @@ def _fabric(file: Table) -> Fabric:
         **{key: file.text(key) for key in ("name", "label", "material", "weave")},
         thickness=file.positive("thickness_mm") / 1000,
         density=file.positive("density_kg_per_m3"),
-        warp=_curve(file.table("warp"), reach["warp"]),
-        weft=_curve(file.table("weft"), reach["weft"]),
-        shear=_shear(file.table("shear"), reach["bias"]),
+        warp=read_curve(file.table("warp"), reach["warp"]),
+        weft=read_curve(file.table("weft"), reach["weft"]),
+        shear=shear,
         poisson={
             "measured": _ratios(poisson.table("measured")),
             "lowered": _ratios(poisson.table("lowered" if "lowered" in poisson.entries else "measured")),
@@ -78,6 +77,7 @@ def _fabric(file: Table) -> Fabric:
         transverse=across,
         transverse_source=source,
         bending=read_bending(file.table("bending")) if "bending" in file.entries else None,
+        shear_friction=friction,
     )
 
 
@@ -104,51 +104,3 @@ def _transverse(file: Table) -> tuple[tuple[float, float], TransverseSource]:
     table.expect("warp weft source")
     source = cast(TransverseSource, table.choice("source", TRANSVERSE_SOURCES))
     return (table.positive("warp"), table.positive("weft")), source
-
-
-def _curve(table: Table, reach: float, more: str = "") -> Curve:
-    """The curve in Pa, in the file's measure of strain; `reach` is the strain at the end of its test."""
-    table.expect(f"loading_MPa unloading_MPa {more}", "limit_strain")
-    limit = table.positive("limit_strain") if "limit_strain" in table.entries else reach
-    listed = table.entries["loading_MPa"]
-    if not isinstance(listed, list) or not 1 <= len(listed) <= 4:
-        remedy = "write [c0, c1, c2, c3], ascending powers of the strain, or fewer"
-        table.refuse("loading_MPa", "is not a list of one to four numbers", remedy)
-    modulus = [table.number("loading_MPa", c) for c in listed] + [0.0] * (4 - len(listed))
-    unloading = table.positive("unloading_MPa")
-
-    strains, moduli = _sample(modulus, limit)
-    first, most = int(np.argmax(moduli <= 0)), int(np.argmax(moduli))
-    if moduli[first] <= 0:
-        reason = f"is a modulus of {moduli[first]:.4g} MPa at strain {strains[first]:.4g}, not positive"
-        remedy = f"set {table.prefix}limit_strain below that strain" if first else "raise the first coefficient"
-        table.refuse("loading_MPa", reason, f"{remedy}, or fit one that is positive from 0 to {limit:.4g}")
-    if unloading < moduli[most]:
-        reason = f"is below the loading modulus, {moduli[most]:.4g} MPa at strain {strains[most]:.4g}, so that a cycle"
-        table.refuse("unloading_MPa", f"{reason} would create energy", "give at least that loading modulus")
-    return Curve(tuple(1e6 * c for c in modulus), 1e6 * unloading, limit)
-
-
-def _sample(modulus: list[float], limit: float) -> tuple[np.ndarray, np.ndarray]:
-    """Strains from 0 to the limit, the turning points of the cubic among them, and its values there."""
-    cubic = Polynomial(np.array(modulus) * (limit ** np.arange(4.0)))  # of strain / limit
-    turning = cubic.deriv().trim(1e-12 * abs(cubic.coef).max()).roots()
-    turning = turning[np.isreal(turning) & (turning.real > 0) & (turning.real < 1)].real
-    places = np.sort(np.concatenate([np.linspace(0.0, 1.0, 1001), turning]))
-    return places * limit, cubic(places)
-
-
-def _shear(table: Table, reach: float) -> Curve:
-    """S12 against gamma = 2 E12. Table 7.3 is read here and nowhere else, as the file's `strain` says:
-
-    "tensor":       sum c_k E12^k = dS12/dE12, so G12 = 1/2 sum c_k (gamma/2)^k; unloading likewise
-    "engineering":  sum c_k gamma^k = G12, used as is
-    """
-    measure = table.entries.get("strain")
-    if measure not in (None, "tensor", "engineering"):
-        table.refuse("strain", "is not a measure of shear strain", 'write "tensor" (E12) or "engineering" (2 E12)')
-    curve = _curve(table, 2 * reach if measure == "engineering" else reach, more="strain")
-    if measure == "engineering":
-        return curve
-    modulus = tuple(c / 2 ** (k + 1) for k, c in enumerate(curve.modulus))
-    return Curve(modulus, curve.unloading / 2, 2 * curve.limit)

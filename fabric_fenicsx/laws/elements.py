@@ -21,6 +21,8 @@ jit = numba.njit(cache=True, error_model="numpy")
 # as in `kernels`: LLVM would call these with all ten numbers
 inlined = numba.njit(forceinline=True, error_model="numpy")
 UNLOAD, LIMIT, RATE, INVERSE_RATE, SLACK, START = 4, 5, 6, 7, 8, 9
+ELASTIC, HYSTERETIC, ELSEWHERE = range(3)
+"""Shear without history, by the element of `woven`, or by `play`."""
 
 
 def pack(modulus, unloading, limit, rate, slack, start):
@@ -159,8 +161,8 @@ def _shear_energy(c, gamma, origin, signed_peak):
 
 
 @jit
-def respond(strain, state, stress, tangent, new, elements, nu12, nu21, b1, b2, hysteretic):
-    """The law of `potential.Potential`; arrays as in `Law.respond`."""
+def respond(strain, state, stress, tangent, new, elements, nu12, nu21, b1, b2, shearing):
+    """The law of `potential.Potential`; arrays as in `Law.respond`. What shear is left to `play` is elastic here."""
     warp, warp_tension, weft, weft_tension, shear = elements
     for i in range(strain.shape[0]):
         E1, E2, gamma = strain[i, 0], strain[i, 1], strain[i, 2]
@@ -172,7 +174,7 @@ def respond(strain, state, stress, tangent, new, elements, nu12, nu21, b1, b2, h
         Sd, Dd, new[i, 9], new[i, 10], new[i, 11] = _element(
             weft_tension, E2 - b2 * E1, state[i, 9], state[i, 10], state[i, 11]
         )
-        if hysteretic:
+        if shearing == HYSTERETIC:
             S12, G, new[i, 12], new[i, 13] = _shear(shear, gamma, state[i, 12], state[i, 13])
         else:
             S12, G = loading(shear, abs(gamma))
@@ -190,7 +192,7 @@ def respond(strain, state, stress, tangent, new, elements, nu12, nu21, b1, b2, h
 
 
 @jit
-def potential(strain, state, energy, elements, nu12, nu21, b1, b2, hysteretic):
+def potential(strain, state, energy, elements, nu12, nu21, b1, b2, shearing):
     """Of `potential.Potential.potential`."""
     warp, warp_tension, weft, weft_tension, shear = elements
     for i in range(strain.shape[0]):
@@ -199,7 +201,8 @@ def potential(strain, state, energy, elements, nu12, nu21, b1, b2, hysteretic):
         total += _energy(warp_tension, E1 - b1 * E2, state[i, 3], state[i, 4], state[i, 5])
         total += _energy(weft, E2 + nu12 * E1, state[i, 6], state[i, 7], state[i, 8])
         total += _energy(weft_tension, E2 - b2 * E1, state[i, 9], state[i, 10], state[i, 11])
-        if hysteretic:
-            energy[i] = total + _shear_energy(shear, gamma, state[i, 12], state[i, 13])
-        else:
-            energy[i] = total + loading_energy(shear, abs(gamma))
+        if shearing == HYSTERETIC:
+            total += _shear_energy(shear, gamma, state[i, 12], state[i, 13])
+        elif shearing == ELASTIC:
+            total += loading_energy(shear, abs(gamma))
+        energy[i] = total

@@ -38,8 +38,14 @@ def law(
 ) -> Law:
     """The law of this name, one of `NAMES`; poisson: "measured" or "lowered". Raises KeyError for another name.
 
-    ramp: strain over which a modulus changes after a reversal, instead of the law's own; InputError for one without.
+    ramp: strain over which a modulus changes after a reversal, instead of the law's own; InputError for one without,
+    and for a fabric whose shear has friction that the law would leave out.
     """
+    if name in THESIS and shear_hysteresis and fabric.shear_friction:
+        raise InputError(
+            f"{fabric.name}: the law {name!r} knows nothing of friction_MPa, softening and the like of its [shear]; "
+            "take the law 'potential', leave those keys out, or shear_hysteresis = false."
+        )
     if ramp is not None and name in ("svk", "printed"):
         raise InputError(f"ramp = {ramp:g} cannot be chosen for the law {name!r}; leave it out, or take another law.")
     if name == "svk":

@@ -9,7 +9,8 @@ elements, each with a direction d in the plane of E = (E11, E22) and a stress th
                  d           sigma on first loading
     warp         (1, nu21)   wA f1(e/q),                 wA = b1/(nu21 + b1),  q = 1 - nu12 nu21
     warp tension (1, -b1)    wC f1(e/(1 + b1 nu12)),     wC = nu21/(nu21 + b1),  carries tension only
-    weft, weft tension: 1 and 2 exchanged; shear: the element of `woven`, of gamma = 2 E12
+    weft, weft tension: 1 and 2 exchanged; shear: the element of `woven`, of gamma = 2 E12, or that of `play` where
+    the fabric tells of friction
 
 with f1, f2 the measured curves. On the ray of uniaxial warp stress, E = E1 (1, -nu12), both warp elements follow f1,
 S = (f1(E1), 0), while weft has e = 0 and weft tension is slack: curve and ratio are exact for any b1, b2 > 0. What
@@ -32,7 +33,7 @@ is built in. The tangent is symmetric and positive definite, since warp and weft
 positive moduli. Splitting a straight increment changes nothing, as an element remembers its peak only.
 
 State of a point: peak strain, stress and modulus there of warp, warp tension, weft, weft tension; then gamma* and the
-signed peak of gamma - gamma* (absent without shear hysteresis).
+signed peak of gamma - gamma*, or p and m of `play` (absent without shear hysteresis).
 """
 
 from typing import TYPE_CHECKING
@@ -41,7 +42,7 @@ import numpy as np
 from numpy.polynomial import Polynomial
 
 from ..errors import InputError
-from . import Array, elements
+from . import Array, elements, play
 from .svk import StVenantKirchhoff
 from .woven import RAMP, beyond_calibration, ratios
 
@@ -52,6 +53,8 @@ START = 1e-3
 """Uniaxial strain at which the tension elements have joined their curves."""
 NONE = 1e-9
 """A Poisson's ratio below this counts as none."""
+SHEAR = 12
+"""Column of the state from which shear begins."""
 LARGEST = 5.0
 """Largest b of a direction (1, -b): from there on more of it changes little."""
 
@@ -60,7 +63,7 @@ class Potential:
     """The woven law with a potential of a fabric, on strains (E11, E22, 2 E12) in warp/weft axes.
 
     `poisson` names the pair of Poisson's ratios ("measured" or "lowered", Table 7.4);
-    `shear_hysteresis=False` makes shear nonlinear elastic, without any history;
+    `shear_hysteresis=False` makes shear nonlinear elastic, without any history or friction;
     `ramp` is the uniaxial strain over which the modulus changes after a reversal, at most;
     `transverse` (warp, weft) is in place of the fabric's.
 
@@ -101,6 +104,9 @@ class Potential:
             self._element("weft tension", weft, nu12 / (nu12 + b2), 1.0 + b2 * nu21, ramp, tension=True),
             self._element("shear", fabric.shear, 1.0, 1.0, ramp),
         )
+        friction = fabric.shear_friction if shear_hysteresis else None
+        self._play = None if friction is None else play.pack(fabric.name, fabric.shear, friction)
+        self._shearing = elements.ELSEWHERE if self._play else int(shear_hysteresis)
         state = [x for element in self._elements[:4] for x in (0.0, 0.0, element[elements.SLACK])]
         self.initial_state = np.array(state + [0.0, 0.0] * shear_hysteresis)
 
@@ -164,7 +170,9 @@ class Potential:
         if out is None:
             n = len(strain)
             out = np.empty((n, 3)), np.empty((n, 3, 3)), np.empty_like(state)
-        elements.respond(strain, state, *out, self._elements, *self._directions, self.shear_hysteresis)
+        elements.respond(strain, state, *out, self._elements, *self._directions, self._shearing)
+        if self._play:
+            play.respond(strain, state, *out, self._play, SHEAR)
         return out
 
     def potential(self, strain: Array, state: Array) -> Array:
@@ -173,13 +181,16 @@ class Potential:
         It is counted from the unloaded elements.
         """
         energy = np.empty(len(strain))
-        elements.potential(strain, state, energy, self._elements, *self._directions, self.shear_hysteresis)
+        elements.potential(strain, state, energy, self._elements, *self._directions, self._shearing)
+        if self._play:
+            play.add_potential(strain, state, energy, self._play, SHEAR)
         return energy
 
     def recoverable(self, strain: Array, state: Array) -> Array:
         """Work in J/m3 (n,) that a point of this strain, and the state after it, gives back.
 
-        Each element is unloaded by itself. No peak is passed after the step, so that the potential is just that.
+        Each element is unloaded by itself; shear with friction counts what is stored, of which friction that is left
+        keeps a part back. No peak is passed after the step, so that the potential is just that.
         """
         return self.potential(strain, state)
 
