@@ -170,6 +170,51 @@ class Body:
         sums = self.comm.allreduce(np.column_stack([np.sum(r * r) * np.eye(3) - r.T @ r, turning]))
         return self._mean(v[self.nodes]), np.linalg.solve(sums[:, :3], sums[:, 3])
 
+    # -- in explicit motion, with a lumped mass of each local unknown ------------------------------------------------
+
+    def project(self, values: Array, q: Array, mass: Array) -> tuple[Array, Array]:
+        """Make rates (an array of V) at the places of q those of a rigid body, with the same momentum.
+
+        Rate of the centre of mass and turn. mass: a local array of V, kg and kg m2.
+        """
+        at = np.concatenate([self.nodes[self.owned[0]], self.directors[self.owned[1]]])
+        split = int(self.owned[0].sum())
+        m = mass[at[:, 0]]
+        total = self.comm.allreduce(np.append(m[:split] @ (self._x[self.owned[0]] + q[at[:split]]), m[:split].sum()))
+        self._arms = self._x + q[self.nodes] - total[:3] / total[3]
+        r = np.concatenate([self._arms[self.owned[0]], q[at[split:]]])
+        p = m[:, None] * values[at]
+        self._inertia = np.sum(m * (r * r).sum(axis=1)) * np.eye(3) - (r * m[:, None]).T @ r
+        sums = np.column_stack([p[:split].sum(axis=0), np.cross(r, p).sum(axis=0), self._inertia])
+        sums = self.comm.allreduce(sums)
+        self._inertia = sums[:, 2:]
+        shift, turn = sums[:, 0] / total[3], np.linalg.solve(self._inertia, sums[:, 1])
+        self._set(values, q, shift, turn)
+        return shift, turn
+
+    def _set(self, values: Array, q: Array, shift: Array, turn: Array) -> None:
+        values[self.nodes] = shift + np.cross(turn, self._arms)
+        values[self.directors] = np.cross(turn, q[self.directors])
+
+    def drift(self, q: Array, v: Array, mass: Array, dt: float) -> None:
+        """Move q by dt of the free motion that v is, with which momentum and its moment stay.
+
+        Over the step it turns by dt w about the w of its middle: the moment of momentum over the inertia of the body
+        when it has turned by half of that.
+        """
+        shift, turn = self.project(v, q, mass)
+        moment = self._inertia @ turn
+        for _ in range(50):
+            axes, _ = turned(dt / 2 * turn, np.eye(3))
+            before, turn = turn, axes.T @ np.linalg.solve(self._inertia, axes @ moment)
+            if np.abs(turn - before).max() <= 1e-15 * np.abs(turn).max():
+                break
+        axes, _ = turned(dt * turn, np.eye(3))
+        q[self.nodes] += dt * shift + self._arms @ axes - self._arms
+        q[self.directors] = q[self.directors] @ axes
+        self._arms = self._arms @ axes
+        self._set(v, q, shift, axes.T @ np.linalg.solve(self._inertia, axes @ moment))
+
     def lay(self, q: Array, v: Array, a: Array, by_mass: Callable[[Array], Array]) -> None:
         """Make velocity and acceleration (arrays of V) those of a rigid body, at the places of q.
 

@@ -1,7 +1,7 @@
 """Explicit dynamics: Newmark with beta = 0, gamma = 1/2 (central differences) as a PETSc TS, with lumped mass.
 
 Nothing is solved for, and no tangent is compiled. Mass is lumped, see `motion.Motion.lump`. Directors turn on their
-sphere by the angle of a step.
+sphere by the angle of a step, rigid bodies freely between two pushes (`bodies.Body.drift`).
 """
 
 import math
@@ -54,9 +54,8 @@ class CentralDifference(Stepper):
     ) -> None:
         super().__init__(motion, residual, bcs, set_load, start)
         self.q, self.V = motion.q, motion.q.function_space
+        self.bodies = [] if motion.space is None else motion.space.bodies
         if motion.space is not None:
-            if motion.space.bodies:
-                raise InputError("An explicit motion has no rigid bodies: use `newmark`.")
             start = motion.space.function().x.array
             motion.space.supports(bcs)
             self.q.x.array[:] += motion.space.function().x.array - start
@@ -64,6 +63,10 @@ class CentralDifference(Stepper):
         self._given_v = self._given_a = np.zeros(len(motion.given))
         self.directors = np.empty((0, 3), dtype=np.int32) if motion.space is None else motion.space.nodes
         self._displacements = np.setdiff1d(np.arange(len(self.q.x.array), dtype=np.int32), self.directors.ravel())
+        self._drifting, self._turning = self._displacements, self.directors
+        for body in self.bodies:
+            self._drifting = np.setdiff1d(self._drifting, body.nodes).astype(np.int32)
+            self._turning = self._turning[~np.isin(self._turning[:, 0], body.directors[:, 0])]
         self.mass = motion.lump()
         if self.comm.allreduce(bool((self.mass <= 0.0).any())):
             raise InputError("Explicit motion needs directors with inertia: leave the rotary part of the mass in.")
@@ -73,8 +76,10 @@ class CentralDifference(Stepper):
         motion.mass = PETSc.Mat().createDiagonal(lumped.x.petsc_vec.copy())
 
     def lay(self, values: Array, q: Array) -> None:
-        """Take from directors' values what is along the directors of q."""
-        _lay(values, q, self.directors)
+        """Take from rates what is along the directors of q, and what would deform bodies; they keep their momentum."""
+        _lay(values, q, self._turning)
+        for body in self.bodies:
+            body.project(values, q, self.mass)
 
     # -- what a checkpoint asks for -------------------------------------------------------------------------------
 
@@ -131,7 +136,9 @@ class CentralDifference(Stepper):
         for term in self.terms:
             term.prepare(dt)
         v += 0.5 * dt * a
-        _drift(q, v, self._displacements, self.directors, dt)
+        _drift(q, v, self._drifting, self._turning, dt)
+        for body in self.bodies:
+            body.drift(q, v, self.mass, dt)
         self.time += dt
         self._move_supports(dt)
         self._led = all([term.follow() for term in self.terms])
@@ -184,6 +191,8 @@ class CentralDifference(Stepper):
         motion = self.motion
         self._move_supports(dt)
         motion.velocity.x.array[motion.given] = self._given_v
+        for body in self.bodies:
+            body.project(motion.velocity.x.array, self.q.x.array, self.mass)
         a = motion.acceleration.x.array
         a[:] = -self.evaluate() / self.mass
         a[motion.given] = self._given_a

@@ -51,9 +51,9 @@ def fastest(run: Run, free: Array, iterations: int = 300) -> float:
         run.lay(move, start)
         scale = 1e-7 * _length(run) / max(comm.allreduce(np.abs(move).max(initial=0.0), MPI.MAX), 1e-300)
         run.q.x.array[:] = start + scale * move
-        x.x.array[:] = (run.evaluate(stiffest=True) - force) / scale
+        x.x.array[:] = (run.evaluate(stiffest=True) - force) / scale / run.mass
         run.lay(x.x.array, start)
-        y = free * x.x.array / root
+        y = free * x.x.array * root
         before, value = value, math.sqrt(comm.allreduce(float(y[:size] @ y[:size])))
         if abs(value - before) < 1e-4 * value:
             break
