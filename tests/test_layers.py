@@ -51,7 +51,7 @@ FLOORS = [
     {
         "contact": [
             {"bodies", "skin"},
-            {"planes"},
+            {"planes", "deforming"},
             {"collisions"},
             {"surroundings"},
             {"pairs"},

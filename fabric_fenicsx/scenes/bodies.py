@@ -30,9 +30,10 @@ KINDS = {
     "capsule": ("radius_m length_m", "centre_m axis cells"),
     "box": ("size_m", "centre_m orientation_deg cells"),
     "surface": ("file", "numbers scale merge"),
+    "frames": ("frames", "rate_per_s scale"),
 }
 """Kind of body, see `contact.bodies` -> keys that it needs, and those that it may have."""
-MOVE = {kind: "shift_m path" if kind == "plane" else "shift_m turn_deg about_m path" for kind in KINDS}
+MOVE = {kind: "shift_m turn_deg about_m path" for kind in KINDS} | {"plane": "shift_m path", "frames": "path"}
 
 
 type Options = dict[str, float | bool]
@@ -41,7 +42,10 @@ type Options = dict[str, float | bool]
 
 @dataclass(frozen=True)
 class Solid:
-    """A body; options: of its class in `contact.bodies`, in SI units. Its move is that of a `Support`."""
+    """A body; options: of its class in `contact.bodies`, in SI units. Its move is that of a `Support`.
+
+    A path leads one of frames through the time that they take; without one, their times are those of the motion.
+    """
 
     name: str
     kind: str
@@ -63,7 +67,10 @@ def solids(file: Table, folder: Path, dynamic: bool, end: float, trust: bool) ->
         options = dict(_option(table, key, kind, folder) for key in keys)
         if kind == "surface":
             options["trust"] = trust
-        found.append(Solid(table.text("name"), kind, options, *move(table), whole_course(table, dynamic, end)))
+        # frames have times of their own
+        own = kind == "frames" and dynamic and "path" not in table.entries
+        path = () if own else whole_course(table, dynamic, end)
+        found.append(Solid(table.text("name"), kind, options, *move(table), path))
     if "body" in file.entries and not found:
         file.refuse("body", "is empty", "write each under [[body]]")
     return tuple(found)
@@ -73,6 +80,8 @@ def _option(table: Table, key: str, kind: str, folder: Path) -> tuple[str, Any]:
     """Name and value in SI units of what a body is made with."""
     if key == "file":
         return "path", str(shipped.mesh(folder, table.text(key)))
+    if key == "frames":
+        return "path", str(folder / table.text(key))
     if key == "numbers":
         own = table.table(key)
         return key, {name: own.number(name, value) for name, value in own.entries.items()}
@@ -80,8 +89,8 @@ def _option(table: Table, key: str, kind: str, folder: Path) -> tuple[str, Any]:
         return key, table.count(key, 1)
     if key == "orientation_deg":
         return "turn", tuple(math.radians(angle) for angle in table.numbers(key, 3))
-    name = key.removesuffix("_m")
-    if name in ("radius", "length", "scale", "merge") or (name == "size" and kind == "plane"):
+    name = key.removesuffix("_m").removesuffix("_per_s")
+    if name in ("radius", "length", "scale", "merge", "rate") or (name == "size" and kind == "plane"):
         return name, table.positive(key)
     numbers = table.numbers(key, 3)
     if name in ("normal", "axis") and not any(numbers):
@@ -114,8 +123,12 @@ def contact(file: Table) -> Options | None:
 
 def led(solid: Solid) -> tuple[Body, Callable[[float], None]]:
     """A body, and what leads it to a share of its move. Raises InputError."""
-    from ..contact import bodies
+    from ..contact import bodies, deforming
 
+    if solid.kind == "frames":
+        moved = deforming.Deforming.read(**solid.options, name=solid.name)
+        first, last = moved.times[[0, -1]]
+        return moved, lambda part: moved.at(first + part * (last - first) if solid.path else part)
     body = bodies.KINDS[solid.kind](**solid.options, name=solid.name)
     shift, turn = np.array(solid.shift), np.array(solid.turn)
     return body, lambda part: body.move(part * shift, part * turn, solid.about)

@@ -135,7 +135,12 @@ def _material(entry: Entry, domain: meshing.Domain, known: dict[str, fabrics.Fab
 
 
 def share(path: Sequence[tuple[float, float]], t: float, smooth: bool) -> float:
-    """How much of a load or move there is at t: straight from point to point, or by half a cosine, without a jerk."""
+    """How much of a load or move there is at t: straight from point to point, or by half a cosine, without a jerk.
+
+    Without a path, t itself.
+    """
+    if not path:
+        return t
     times, shares = np.array(path).T
     k = int(np.clip(np.searchsorted(times, t, side="right") - 1, 0, max(len(times) - 2, 0)))
     if len(times) == 1:

@@ -61,15 +61,18 @@ def marks(built: Built) -> dict[str, str]:
 
 
 def _touching(built: Built) -> dict[str, Any]:
-    """Of bodies and contact; of a surface from a file it is its triangles that count."""
+    """Of bodies and contact; of what comes from a file it is the triangles that count, and where they are."""
     named: dict[str, Any] = {}
     if built.touch is not None:
         named["contact"] = built.scene.contact
         for i, (said, body) in enumerate(zip(built.scene.bodies, built.touch.bodies, strict=True), 1):
-            if said.kind == "surface":
-                digest = hashlib.sha256((np.round(body.rest, 9) + 0.0).tobytes() + body.faces.tobytes()).hexdigest()[:8]
+            if said.kind in ("surface", "frames"):
+                places = [getattr(body, "frames", body.rest), getattr(body, "times", np.zeros(0))]
+                content = b"".join((np.round(x, 9) + 0.0).tobytes() for x in places) + body.faces.tobytes()
+                digest = hashlib.sha256(content).hexdigest()[:8]
                 said = replace(said, options={"corners": f"of {len(body.rest)} ({digest})"})
-            named[f"body[{i}]"] = said if any((*said.shift, *said.turn)) else replace(said, path=())
+            moves = any((*said.shift, *said.turn)) or said.kind == "frames"
+            named[f"body[{i}]"] = said if moves else replace(said, path=())
     return named
 
 

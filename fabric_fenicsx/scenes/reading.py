@@ -51,6 +51,9 @@ Every key, with its default where it has one:
     cells = 12                                  # numbers, scale, merge, as of [mesh]. cells: along a quarter of round
     shift_m = [0, 0, 0.1]                       # ones, along a side of a box. It stays, or is led: shift_m, turn_deg,
     path = [[0, 0], [1, 1]]                     # about_m, path as of a grip; a plane is not turned, a box can be
+                                                # frames, a body that deforms: frames, an .npz of arrays frames (frames,
+                                                # corners, 3), faces and times (s), or a folder of .obj or .ply with
+                                                # rate_per_s; scale; path: how much of its time, else the motion's
 
     [contact]                                   # may be left out where there is a body
     friction = 0.0                              # coefficient, of sliding; of sticking:
