@@ -8,6 +8,7 @@ import builtins
 import faulthandler
 import gc
 import io
+import itertools
 import os
 import sys
 
@@ -40,6 +41,12 @@ def pytest_configure(config):
         sys.stdout = io.StringIO()
 
 
+def pytest_collection_finish():
+    """What has been imported stays: else Python looks through it again whenever it looks for garbage."""
+    gc.collect()
+    gc.freeze()
+
+
 @pytest.fixture
 def without_toolkit(monkeypatch):
     """As if the toolkit of contact was not installed."""
@@ -55,6 +62,18 @@ def without_toolkit(monkeypatch):
 
 if COMM.size > 1:
 
+    def pytest_collection_modifyitems(config, items):
+        """Of a test marked parallel(first=n), whose parameters take one way through the ranks, leave n sets of them."""
+        kept, left_out = [], []
+        for _, same in itertools.groupby(items, lambda item: item.nodeid.partition("[")[0]):
+            same = list(same)
+            mark = same[0].get_closest_marker("parallel")
+            first = mark.kwargs.get("first", len(same)) if mark else len(same)
+            kept += same[:first]
+            left_out += same[first:]
+        items[:] = kept
+        config.hook.pytest_deselected(items=left_out)
+
     def pytest_timeout_set_timer(item, settings):
         """Stand in for pytest-timeout's clock: a hanging MPI call stops Python, but not this one in C."""
         faulthandler.dump_traceback_later(settings.timeout, exit=True, file=item.config.stash[STDERR])
@@ -66,8 +85,9 @@ if COMM.size > 1:
         return True
 
     def pytest_runtest_teardown(item):
-        """Free PETSc objects on all ranks at the same place, because that is collective."""
+        """Free PETSc objects on all ranks at the same place, because that is collective; what lives on, lives on."""
         gc.collect()
+        gc.freeze()
 
     @pytest.hookimpl(wrapper=True)
     def pytest_runtest_makereport(item, call):

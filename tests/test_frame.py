@@ -75,7 +75,7 @@ def order_of(errors):
     return np.log2(np.array(errors[:-1]) / errors[1:])
 
 
-@pytest.mark.parallel
+@pytest.mark.parallel(first=2)
 @pytest.mark.parametrize("order", [1, 2])
 @pytest.mark.parametrize("cell", CELLS)
 @pytest.mark.parametrize("name", ["cylinder", "hemisphere"])
@@ -207,7 +207,7 @@ def normal_error(name, domain):
     return largest(np.minimum(np.abs(n - exact).max(axis=1), np.abs(n + exact).max(axis=1)))
 
 
-@pytest.mark.parallel
+@pytest.mark.parallel(first=2)
 @pytest.mark.parametrize("name", ["cylinder", "hemisphere"])
 @pytest.mark.parametrize("cell, order, rate", [("triangle", 1, 1), ("triangle", 2, 2), ("quadrilateral", 1, 1)])
 def test_order_of_the_directors(name, cell, order, rate):

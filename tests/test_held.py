@@ -51,7 +51,7 @@ CASES = [
 ]
 
 
-@pytest.mark.parallel
+@pytest.mark.parallel(first=3)
 @pytest.mark.parametrize(("conditions", "words"), CASES, ids=[str(k) for k in range(len(CASES))])
 def test_what_is_free_is_named(conditions, words):
     assert said(cloth(), *conditions).startswith(words)

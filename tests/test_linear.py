@@ -48,7 +48,7 @@ def falling(cloth, options):
     return run.solver
 
 
-@pytest.mark.parallel
+@pytest.mark.parallel(first=2)
 @pytest.mark.parametrize("kinematics, element", [("shell", "mitc4"), ("shell", "regge"), ("membrane", "mitc4")])
 def test_a_free_sheet_resists_no_rigid_motion(kinematics, element):
     """Directors turn along, which the shear stiffness of a thick sheet feels; nothing is built for LU."""

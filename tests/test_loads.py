@@ -117,7 +117,7 @@ def resultant(form, q, at=None):
 # Loads
 
 
-@pytest.mark.parallel
+@pytest.mark.parallel(first=1)
 @cells
 def test_weight_and_tractions_add_up_to_themselves(triangles):
     domain = strip(triangles=triangles, skew=0.2)

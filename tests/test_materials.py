@@ -123,7 +123,7 @@ def hanging(materials, comm=COMM, kinematics="shell", method="newmark", **settin
     return cloth, run, ledger
 
 
-@pytest.mark.parallel
+@pytest.mark.parallel(first=3)
 @pytest.mark.parametrize("method", ["newmark", "explicit"])
 @pytest.mark.parametrize("make", [lambda: woven(BLEND), elastic], ids=["woven", "elastic"])
 @pytest.mark.parametrize("kinematics", ["shell", "membrane"])

@@ -62,7 +62,7 @@ READ = {
 }
 
 
-@pytest.mark.parallel
+@pytest.mark.parallel(first=4)
 @pytest.mark.parametrize("name", READ)
 def test_an_inp_file_is_read_whole(name):
     cells, points, pieces, z, named = READ[name]
@@ -112,7 +112,7 @@ REFUSED = {
 }
 
 
-@pytest.mark.parallel
+@pytest.mark.parallel(first=2)
 @pytest.mark.parametrize("fault", REFUSED)
 def test_what_is_not_understood_of_an_inp_file_is_refused_by_its_line(tmp_path, fault):
     text, match = REFUSED[fault]
@@ -351,7 +351,7 @@ NASTRAN = {
 }
 
 
-@pytest.mark.parallel
+@pytest.mark.parallel(first=2)
 @pytest.mark.parametrize("case", NASTRAN)
 def test_a_nastran_file_is_read_whole_or_not_at_all(tmp_path, case):
     text, match = NASTRAN[case]

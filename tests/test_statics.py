@@ -57,7 +57,7 @@ def test_a_warp_angle_that_is_no_number_is_refused(warp):
             yarns.plane_axes(domain, given)
 
 
-@pytest.mark.parallel
+@pytest.mark.parallel(first=4)
 @pytest.mark.parametrize("turn", [0.0, 2.0])
 @pytest.mark.parametrize("law", LAWS)
 @pytest.mark.parametrize("cell", ["triangle", "quadrilateral"])
@@ -170,7 +170,7 @@ def test_a_step_that_cannot_be_done_says_where_it_stopped_and_leaves_the_last_go
     assert [step.load for step in statics.march(scene.solver, scene.pull, [0.0605], start=0.06)] == [0.0605]
 
 
-@pytest.mark.parallel
+@pytest.mark.parallel(first=1)
 @pytest.mark.parametrize("loads", [[], [np.nan], [0.1, np.inf]])
 def test_a_march_without_finite_loads_is_refused(loads):
     scene = pulled(ELASTIC)

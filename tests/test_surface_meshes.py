@@ -84,7 +84,7 @@ FORMATS = {
 }
 
 
-@pytest.mark.parallel
+@pytest.mark.parallel(first=3)
 @pytest.mark.parametrize("kind, suffix", [(k, s) for k, some in FORMATS.items() for s in some])
 def test_a_surface_comes_back_from_each_format(tmp_path, kind, suffix):
     points, cells = tube(kind)
@@ -189,7 +189,7 @@ def test_corners_of_an_stl_file_that_differ_by_rounding_are_one(tmp_path):
     assert count(domain, "boundary") == 20
 
 
-@pytest.mark.parallel
+@pytest.mark.parallel(first=1)
 @pytest.mark.parametrize("kind", FORMATS)
 def test_orientation_is_mended_to_that_of_most_cells(tmp_path, kind):
     points, cells = tube(kind)
@@ -293,7 +293,7 @@ def refused(match, read):
     return said
 
 
-@pytest.mark.parallel
+@pytest.mark.parallel(first=2)
 @pytest.mark.parametrize("fault", FAULTS)
 def test_a_surface_for_no_shell_is_refused_naming_cell_and_place(tmp_path, fault):
     (points, cells), match = FAULTS[fault]
@@ -380,7 +380,7 @@ FILES = {
 }
 
 
-@pytest.mark.parallel
+@pytest.mark.parallel(first=2)
 @pytest.mark.parametrize("name", FILES)
 def test_a_file_that_holds_no_surface_is_refused(tmp_path, name, capfd):
     content, match = FILES[name]

@@ -69,7 +69,7 @@ def remainders(solver, scale=0.02):
     return np.log2(np.array(left[:-1]) / left[1:])
 
 
-@pytest.mark.parallel
+@pytest.mark.parallel(first=4)
 @pytest.mark.parametrize("make", [crease, thread])
 @pytest.mark.parametrize("kinematics", ["shell", "membrane"])
 @pytest.mark.parametrize("triangles", [0, 1])
