@@ -9,6 +9,7 @@ Rooms, in the order in which a scene goes through them, and their names; each ro
 
 - `fabrics`: measured fabrics from TOML files: `load`, `names`, `compare`, `Fabric`, `Curve`
 - `identify`: such a file from test records: `read`, `identify`; the whole way in `identify.making`: `make`
+- `photographs.making`: marks followed through photographs of a specimen: `make`, `Settings`
 - `laws`: stress from strain and history at a point: what a `Law` is, and what it may offer besides: `HasPotential`,
   `HasRecoverable`, `HasStiffness`, `HasStiffest`, `HasCalibration`; by name in `laws.named`: `law`
 - `laws.woven`: `Woven`, the thesis's as a continuous function; `laws.printed`: `Printed`, to the letter
@@ -55,7 +56,9 @@ the directors, `terms.kernels` the stiffness, `solvers.tangent` the matrix, `sol
 `contact.pairs`, `contact.barrier` and `contact.friction` contact, `solvers.leading` what leads,
 `solvers.held` statics, `solvers.reactions` and `solvers.failures` all of them,
 `entries` the TOML files, `compiling` the forms that are compiled once and kept,
-`files` and `output.gathering` what is written, `app.doctor` the command.
+`files` and `output.gathering` what is written, `photographs.reading`, `photographs.marks`, `photographs.tracking`,
+`photographs.plane`, `photographs.corrections`, `photographs.marker_file` and `photographs.contact_sheet` the
+photographs, `app.options`, `app.photographs` and `app.doctor` the command.
 
 The eight demos `my_fabric`, `my_materials`, `my_mesh`, `my_load`, `my_law`, `my_term`, `my_seam` and `my_bar` are
 short, each ends in an exact check, and are meant to be copied and changed.

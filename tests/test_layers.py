@@ -61,7 +61,16 @@ FLOORS = [
     },
     {"specimen"},
     {"identify", "scenes"},
-    {"app": [{"command", "doctor"}, {"cli"}]},
+    {
+        "photographs": [
+            {"reading", "corrections"},
+            {"marks"},
+            {"tracking", "plane", "marker_file"},
+            {"contact_sheet"},
+            {"making"},
+        ]
+    },
+    {"app": [{"command", "doctor", "options"}, {"photographs"}, {"cli"}]},
 ]
 LEVEL = {
     (f"{floor}.{room}" if inside else floor): (level, depth)
@@ -119,7 +128,7 @@ def test_a_room_imports_only_rooms_above_it(path):
 def test_only_those_who_need_them_know_of_fenics_petsc_and_gmsh(path):
     here, outside = room_of(path), set(imports(path))
     light = ("errors", "system", "app.doctor", "plots", "entries", "fabrics", "laws", "identify")
-    if here in light and path.name != "inverse.py":
+    if (here in light or here.startswith("photographs.")) and path.name != "inverse.py":
         assert not {name.split(".")[0] for name in outside} & FENICS
     if here not in PETSC and not here.startswith("solvers."):
         assert not any(name.startswith(("petsc4py", "dolfinx.fem.petsc")) for name in outside)

@@ -1,12 +1,7 @@
 """The command `fabric-fenicsx`. Rooms are imported by the verbs that use them: `doctor` must start without any."""
 
-import inspect
-import math
 import os
 import sys
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
-from importlib import import_module
 from pathlib import Path
 
 import click
@@ -14,12 +9,11 @@ import click
 import fabric_fenicsx
 
 from ..errors import InputError
+from .options import direction, drawn_to, file, folder, keys
+from .photographs import markers
 
 STRIP = Path(__file__).parent.parent / "meshes" / "strip.geo"
 UNBALANCED = 0.05  # imbalance of energy, as a part of the external work, from which a run is wrong
-folder = click.Path(file_okay=False, path_type=Path)
-file = click.Path(dir_okay=False, path_type=Path)
-
 
 COMPLETION = """\b
 Completion by the shell, a line for its own file:
@@ -43,32 +37,6 @@ def fabric_names(context: click.Context, parameter: click.Parameter, incomplete:
     from .. import fabrics
 
     return [name for name in fabrics.names() if name.startswith(incomplete)]
-
-
-@contextmanager
-def drawn_to(path: Path) -> Iterator[None]:
-    """What cannot be written, or has an ending that is no picture's, is the user's fault."""
-    try:
-        yield
-    except InputError:
-        raise
-    except (OSError, ValueError, ImportError) as error:
-        reason = (error.strerror if isinstance(error, OSError) else None) or str(error).splitlines()[0].rstrip(".")
-        raise InputError(
-            f"The picture {str(path)!r} cannot be written ({reason}); choose another with --out."
-        ) from error
-
-
-def keys(room: str) -> Callable[[Callable[..., None]], Callable[..., None]]:
-    """An option that prints the head of a room, where the keys of its file are told."""
-
-    def tell(context: click.Context, parameter: click.Parameter, wanted: bool) -> None:
-        if wanted and not context.resilient_parsing:
-            click.echo(inspect.getdoc(import_module(f"fabric_fenicsx.{room}")))
-            context.exit()
-
-    return click.option("--keys", is_flag=True, is_eager=True, expose_value=False, callback=tell,
-                        help="Print an example with every key of the file, and leave.")  # fmt: skip
 
 
 @app.group("fabrics")
@@ -174,6 +142,9 @@ def identify(tests: Path, shear: str, ends: str, out: Path) -> None:
     click.echo(f"see {out / 'report.pdf'}; use it with --fabric {path}")
 
 
+app.add_command(markers)
+
+
 @app.command()
 @click.argument("scene", type=file)
 @keys("scenes.reading")
@@ -205,25 +176,12 @@ def run(scene: Path, out: Path | None, resume: str | None, quiet: bool, trust: b
             raise click.exceptions.Exit(1)
 
 
-def three(context: click.Context, parameter: click.Parameter, text: str | None) -> tuple[float, ...] | None:
-    """Three numbers, as 1,-2,1.2."""
-    if text is None:
-        return None
-    try:
-        x, y, z = map(float, text.split(","))
-    except ValueError:
-        raise click.BadParameter(f"{text} is not of the form 1,-2,1.2") from None
-    if not (math.isfinite(x + y + z) and (x or y or z)):
-        raise click.BadParameter(f"{text} is no direction; give three finite numbers, as 1,-2,1.2")
-    return x, y, z
-
-
 @app.command()
 @click.argument("results_folder", metavar="FOLDER", type=folder)
 @click.option("--frame", type=int, help="Which step, from 0; the last, if left out.")
 @click.option("--colour", type=click.Choice(["yarn", "warp", "weft", "shear"]), default="yarn", show_default=True,
               help="By which strain; yarn: the larger of warp and weft.")  # fmt: skip
-@click.option("--view", "eye", callback=three, metavar="X,Y,Z", help="From the sheet to the eye.")
+@click.option("--view", "eye", callback=direction, metavar="X,Y,Z", help="From the sheet to the eye.")
 @click.option("--animation", is_flag=True, help="All steps, as animation.gif.")
 @click.option("--out", type=file, help="Picture, or with --animation a .gif (with the extra [film] also .mp4).  "
               "[default: in FOLDER]")  # fmt: skip
