@@ -21,11 +21,12 @@ FLOORS = [
     {
         "surfaces": [
             {"checking"},
+            {"placing"},
             {"grouping"},
             {"preparing"},
             {"abaqus_lines", "geo_programs", "polygon_files"},
             {"abaqus_parts"},
-            {"abaqus", "gmsh_models"},
+            {"abaqus", "gmsh_models", "outlines"},
             {"importing"},
             {"meshing"},
             {"yarns"},
@@ -59,6 +60,7 @@ FLOORS = [
             {"contact"},
         ]
     },
+    {"garments": [{"panels"}, {"sewing"}, {"dressing"}]},
     {"specimen"},
     {"identify", "scenes"},
     {
@@ -132,7 +134,7 @@ def test_only_those_who_need_them_know_of_fenics_petsc_and_gmsh(path):
         assert not {name.split(".")[0] for name in outside} & FENICS
     if here not in PETSC and not here.startswith("solvers."):
         assert not any(name.startswith(("petsc4py", "dolfinx.fem.petsc")) for name in outside)
-    if here not in ("surfaces.meshing", "surfaces.gmsh_models", "surfaces.importing"):
+    if here not in ("surfaces.meshing", "surfaces.gmsh_models", "surfaces.outlines", "surfaces.importing"):
         assert not any(name.split(".")[0] in ("gmsh", "meshio") for name in outside)
 
 

@@ -5,6 +5,7 @@ import numpy as np
 from ..errors import InputError
 from ..laws import Array
 from ..sheet import Sheet
+from ..surfaces import placing
 
 TRIANGLES = {
     ("triangle", 3): ((0, 1, 2),),
@@ -17,7 +18,7 @@ TRIANGLES = {
 class Skin:
     """The nodes of a sheet's displacement, in the order of the ranks that own them, and the triangles between them.
 
-    Public: `rest` (n, 3), places at rest in m, and `faces` (m, 3); `mine`, the slice of this rank's own nodes;
+    Public: `rest` (n, 3), places at the start in m, and `faces` (m, 3); `mine`, the slice of this rank's own nodes;
     `local` (own, 3), their unknowns in the local array of q, and `unknowns` (n, 3), the global numbers of all.
     """
 
@@ -42,7 +43,7 @@ class Skin:
         blocks, components = np.divmod(self.local, V.dofmap.index_map_bs)
         rows = V.dofmap.index_map.local_to_global(blocks.ravel().astype(np.int32)).reshape(-1, 3)
         self._counts = 3 * np.array(self._comm.allgather(own))
-        self.rest = self._gathered(space.tabulate_dof_coordinates()[:own])
+        self.rest = self._gathered(placing.places(space)[:own])
         self.faces = np.concatenate(self._comm.allgather(triangles)).astype(np.int32)
         self.unknowns = np.concatenate(self._comm.allgather(rows * V.dofmap.index_map_bs + components))
 

@@ -6,6 +6,7 @@ import numpy as np
 from dolfinx import fem, plot
 
 from ..laws import Array
+from ..surfaces import placing
 
 KINDS = {69: {3: 5, 6: 22}, 70: {4: 9, 9: 28}}
 """VTK's Lagrange cells -> nodes of a cell -> the same cell in the name that every program knows."""
@@ -23,6 +24,8 @@ class Whole:
         self.comm, self.dim = mesh.comm, mesh.geometry.dim
         self._owned, self._nodes = mesh.topology.index_map(mesh.topology.dim).size_local, nodes.size_local
         flat, kinds, x = plot.vtk_mesh(space, np.arange(self._owned, dtype=np.int32))
+        if placing.of(mesh) is not None:
+            x = placing.places(space)
         table = np.asarray(flat).reshape(self._owned, -1)[:, 1:] if self._owned else np.empty((0, 0), dtype=np.int64)
         numbers = nodes.local_to_global(np.arange(len(x), dtype=np.int32))
         own = (numbers[table], np.array(mesh.topology.original_cell_index[: self._owned]), numbers[: self._nodes])

@@ -37,7 +37,7 @@ from dolfinx import fem, mesh
 from ufl.core.expr import Expr
 
 from ..laws import Array
-from ..surfaces import yarns
+from ..surfaces import placing, yarns
 from . import kinematics
 from .directors import DEGREE, ShellSpace
 
@@ -55,18 +55,18 @@ def shell_strains(
     warp: see `yarns.surface_axes`. variation: of "regge", a factor of the shear's part that varies in a cell.
     """
     u, d = ufl.split(q)
-    axes = yarns.surface_axes(space.mesh, warp, DEGREE)
+    w, axes = placing.from_rest(u), yarns.surface_axes(space.mesh, warp, DEGREE)
     if space.element == "mitc4":
-        return _quadrilateral_strains(space, u, d, axes)
+        return _quadrilateral_strains(space, w, d, axes)
     membrane = kinematics.membrane_strain(u, axes)
     if space.element == "regge":
-        membrane -= _regge_remainder(space.mesh, u, axes)
+        membrane -= _regge_remainder(space.mesh, w, axes)
     strain = ufl.as_vector([*membrane, *kinematics.bending_strain(u, d, space.normal, axes)])
     if space.shear_degree != DEGREE:
         axes = yarns.surface_axes(space.mesh, warp, space.shear_degree)
     shear = kinematics.shear_strain(u, d, space.normal, axes)
     if space.element == "regge" and variation != 1.0:
-        middle = _middle_shear(space, u, d, axes)
+        middle = _middle_shear(space, w, d, axes)
         shear = middle + variation * (shear - middle)
     return strain, shear
 

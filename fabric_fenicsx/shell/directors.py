@@ -54,7 +54,7 @@ class ShellSpace:
     """The spaces of a shell on a surface mesh, and its directors.
 
     V: displacement and director (u, d), in which forms are written. W: displacement and angles
-    (u, theta), in which the solver solves. `normal`: the reference directors, a Function.
+    (u, theta), in which the solver solves. `normal`, `start`: see `kinematics.reference`.
 
     element: a name in `ELEMENTS`, by default the first for the cells of the mesh. dx, dx_shear: measures of
     its strains and of its transverse shear.
@@ -101,11 +101,9 @@ class ShellSpace:
         self._owned = self.nodes[:, 0] < self.V.dofmap.index_map.size_local
 
         directors, in_v = self.V.sub(1).collapse()
-        self.normal = fem.Function(directors, name="normal")
         self._in_v = in_v[0]
-        normals = kinematics.normals(directors)
-        self.normal.x.array[:] = normals.ravel()
-        self._start = normals[np.argsort(self._in_v[::3])]
+        self.normal, self.start = kinematics.reference(directors)
+        self._start = self.start.x.array.reshape(-1, 3)[np.argsort(self._in_v[::3])]
         self.frame = rotation.frames(self._start)
         """(e1, e2, d0) of each node at the last commit, (nodes, 3, 3)."""
         self._d = self._start
@@ -118,7 +116,7 @@ class ShellSpace:
         """Called when the reference directors have been laid into planes of symmetry: what is led starts from them."""
 
     def function(self) -> fem.Function:
-        """A new (u, d) in V at rest: no displacement, the reference directors."""
+        """A new (u, d) in V as the sheet starts: no displacement, the directors `start`."""
         q = fem.Function(self.V)
         q.x.array[self.nodes] = self._start
         return q
@@ -275,7 +273,7 @@ class ShellSpace:
         self.frame[partly] = np.stack([axes, np.cross(d0, axes), d0], axis=1)
         # strains are measured from `normal`: it must be the directors' start, else the shell is stressed at rest
         self._start[partly] = d0
-        self.normal.x.array[:] = self.function().x.array[self._in_v]
+        self.start.x.array[:] = self.function().x.array[self._in_v]
         for move in self.moves:
             move()
         self._led = np.flatnonzero(led)

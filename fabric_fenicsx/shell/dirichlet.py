@@ -7,12 +7,13 @@ from dolfinx import fem
 
 from ..errors import InputError
 from ..laws import Array
+from ..surfaces import placing
 
 
 def places(space: fem.FunctionSpace) -> Array:
-    """Reference coordinates (m) of the local dofs of a space, shape (dofs, 3)."""
+    """Coordinates (m) at the start of the local dofs of a space, shape (dofs, 3)."""
     if space.num_sub_spaces == 0 or space.dofmap.index_map_bs > 1:
-        return np.repeat(space.tabulate_dof_coordinates(), space.dofmap.index_map_bs, axis=0)
+        return np.repeat(placing.places(space), space.dofmap.index_map_bs, axis=0)
     result = np.empty((space.dofmap.index_map.size_local + space.dofmap.index_map.num_ghosts, 3))
     for i in range(space.num_sub_spaces):
         part, dofs = space.sub(i).collapse()

@@ -20,6 +20,7 @@ from ufl.core.expr import Expr
 
 from ..errors import InputError
 from ..laws import Array
+from ..surfaces import placing
 from .rotation import unit
 
 
@@ -30,7 +31,7 @@ def membrane_strain(u: Expr, axes: tuple[Expr, Expr]) -> Expr:
     small strain as (F^T F - I) / 2 has.
     """
     a, b = axes
-    ga, gb = ufl.dot(ufl.grad(u), a), ufl.dot(ufl.grad(u), b)
+    ga, gb = _along(placing.from_rest(u), axes)
     return ufl.as_vector(
         [
             ufl.dot(a, ga) + ufl.dot(ga, ga) / 2,
@@ -82,7 +83,7 @@ def _along(f: Expr, axes: tuple[Expr, Expr]) -> tuple[Expr, Expr]:
 
 def _moved(u: Expr, axes: tuple[Expr, Expr]) -> tuple[Expr, Expr]:
     """Where the two axes go: derivatives of the placement X + u."""
-    ga, gb = _along(u, axes)
+    ga, gb = _along(placing.from_rest(u), axes)
     return axes[0] + ga, axes[1] + gb
 
 
@@ -92,25 +93,43 @@ def area_vector(u: Expr, domain: mesh.Mesh) -> Expr:
     x,1 x x,2 / (area of the cell), with the tangents x,a of the moved sheet: a polynomial in u. It points where
     `ufl.CellNormal` does, about which the corners of a cell run counter-clockwise.
     """
-    J = ufl.Jacobian(domain)
-    x1, x2 = (J[:, i] + ufl.dot(ufl.grad(u), J[:, i]) for i in (0, 1))
+    J, w = ufl.Jacobian(domain), placing.from_rest(u)
+    x1, x2 = (J[:, i] + ufl.dot(ufl.grad(w), J[:, i]) for i in (0, 1))
     return ufl.cross(x1, x2) / ufl.JacobianDeterminant(domain)
 
 
-def normals(space: fem.FunctionSpace) -> Array:
+def reference(space: fem.FunctionSpace) -> tuple[fem.Function, fem.Function]:
+    """Directors at rest and where they start, of a space of them: the same Function, but see `placing`."""
+    normal = fem.Function(space, name="normal")
+    normal.x.array[:] = normals(space).ravel()
+    if placing.of(space.mesh) is None:
+        return normal, normal
+    start = fem.Function(space, name="start")
+    start.x.array[:] = normals(space, at_start=True).ravel()
+    return normal, start
+
+
+def normals(space: fem.FunctionSpace, at_start: bool = False) -> Array:
     """Unit normals at the nodes (nodes, 3) of a space of vectors at rest, the mean over the cells that share one.
+
+    at_start: of where the sheet starts, if that is elsewhere.
 
     Raises InputError, on every rank, for neighbouring cells of opposite orientation.
     """
     domain, points = space.mesh, space.element.interpolation_points
     rule = {"quadrature_rule": "custom", "quadrature_points": points, "quadrature_weights": np.ones(len(points))}
     # at its own node a basis function is 1, and at the others 0
-    n = ufl.inner(ufl.CellNormal(domain), ufl.TestFunction(space)) / ufl.JacobianDeterminant(domain)
+    n = ufl.CellNormal(domain)
+    if at_start and (start := placing.of(domain)) is not None:
+        J = ufl.Jacobian(domain)
+        n = ufl.cross(*(ufl.dot(ufl.grad(start), J[:, i]) for i in (0, 1)))
+        n /= ufl.sqrt(ufl.dot(n, n))
+    n = ufl.inner(n, ufl.TestFunction(space)) / ufl.JacobianDeterminant(domain)
     sums = fem.assemble_vector(fem.form(n * ufl.dx(metadata=rule | {"quadrature_degree": 1})))
     sums.scatter_reverse(la.InsertMode.add)
     sums.scatter_forward()
     found = sums.array.reshape(-1, 3)
     # two cells of opposite orientation cancel out
-    if domain.comm.allreduce(bool((np.linalg.norm(found, axis=1) < 1e-3).any()), MPI.LOR):
+    if domain.comm.allreduce(bool((~(np.linalg.norm(found, axis=1) >= 1e-3)).any()), MPI.LOR):
         raise InputError("The normals of neighbouring cells are opposite: orient all cells of the sheet alike.")
     return unit(found)

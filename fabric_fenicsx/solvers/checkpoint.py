@@ -21,6 +21,7 @@ from mpi4py import MPI
 
 from ..errors import InputError, LawFailed, StepFailed
 from ..laws import Array
+from ..surfaces import placing
 
 FORMAT = 3
 EVERY = 60.0
@@ -195,12 +196,10 @@ def _nothing() -> None: ...
 
 
 def identity(mesh: Any) -> str:
-    """A mark of the cells and their places, the same on any number of ranks."""
+    """A mark of the cells, their places and where they start, the same on any number of ranks."""
     owned = mesh.topology.index_map(mesh.topology.dim).size_local
     order = np.array(mesh.topology.original_cell_index[:owned])
-    places = mesh.geometry.x[mesh.geometry.dofmaps[0][:owned]]
-    gathered = mesh.comm.gather((order, places), 0)
-    mark = None
+    gathered, mark = mesh.comm.gather((order, placing.both(mesh)[:owned]), 0), None
     if gathered is not None:
         order, places = (np.concatenate([rank[k] for rank in gathered]) for k in (0, 1))
         mark = hashlib.sha256(np.ascontiguousarray(places[np.argsort(order)]).tobytes()).hexdigest()

@@ -19,6 +19,7 @@ from scipy.sparse.csgraph import connected_components
 from ..errors import InputError
 from ..laws import Array
 from ..shell.directors import ShellSpace
+from ..surfaces import placing
 
 FREE = 1e-12
 """Square of a given unknown's motion, as a part of the piece's size, that is none."""
@@ -142,9 +143,9 @@ def pieces(mesh: Any) -> tuple[Array, list[Piece]]:
     cells, edges = topology.index_map(2), topology.index_map(1)
     owned, to_edges = cells.size_local, topology.connectivity(2, 1)
     sides = to_edges.array.reshape(-1, len(to_edges.links(0)))[:owned] if owned else np.empty((0, 0), dtype=np.int32)
-    middles = mesh.geometry.x[mesh.geometry.dofmaps[0][:owned]].mean(axis=1)[:, : mesh.geometry.dim]
-    x, first = mesh.geometry.x, cells.local_range[0]
-    reach = comm.allreduce(float(np.ptp(x, axis=0).max()) if len(x) else 0.0, MPI.MAX)
+    x, first = placing.cells(mesh), cells.local_range[0]
+    middles = x[:owned].mean(axis=1)[:, : mesh.geometry.dim]
+    reach = comm.allreduce(float(np.ptp(x, axis=(0, 1)).max()) if len(x) else 0.0, MPI.MAX)
     rows = np.repeat(np.arange(first, first + owned), sides.shape[1])
     own = rows, edges.local_to_global(sides.ravel().astype(np.int32)), middles
     gathered = comm.gather(own, 0)
@@ -183,7 +184,7 @@ class Rigid:
         V, self.n = u.function_space, u.function_space.mesh.geometry.dim
         U, dofs = (V, np.arange(len(u.x.array))) if space is None else V.sub(0).collapse()
         self.dofs = np.array(dofs).reshape(-1, self.n)
-        self.places = U.tabulate_dof_coordinates()[:, : self.n]
+        self.places = placing.places(U)[:, : self.n]
         size = np.array([piece.size for piece in found])
         centre = np.array([piece.centre for piece in found])
         piece_of_u = self._pieces_of(V)

@@ -10,6 +10,7 @@ from dolfinx import fem, la
 from petsc4py import PETSc
 
 from ..shell.directors import ShellSpace
+from ..surfaces import placing
 
 Options = dict[str, object]
 """None: not given, where another has been."""
@@ -120,7 +121,7 @@ class RigidMotions:
         U, dofs = (V, np.arange(len(q.x.array))) if space is None else V.sub(0).collapse()
         self._size = V.mesh.geometry.dim
         self._dofs = np.array(dofs).reshape(-1, self._size)
-        self._places = U.tabulate_dof_coordinates()[:, : self._size]
+        self._places = placing.places(U)[:, : self._size]
         count = self._size * (self._size + 1) // 2
         self._motions = [fem.Function(y.function_space) for _ in range(count)]
 

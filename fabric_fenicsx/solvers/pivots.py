@@ -10,6 +10,8 @@ from mpi4py import MPI
 from dolfinx import fem
 from petsc4py import PETSc
 
+from ..surfaces import placing
+
 LEAST, MOST, GROWTH, DECAY = 1e-9, 1e3, 8.0, 16.0  # of shifts: the first and last one, as parts of the largest diagonal
 
 ROOM, CRAMPED, WIDEST = "mat_mumps_icntl_14", (-8, -9), 1000  # percent more than MUMPS guesses that it needs
@@ -95,7 +97,7 @@ def _uneven(y: fem.Function, x: PETSc.Vec) -> PETSc.Vec:
     else:
         space, dofs = V, np.arange(len(field.x.array))
     span = V.mesh.comm.allreduce(np.abs(V.mesh.geometry.x).max(initial=0.0), MPI.MAX)
-    phase = space.tabulate_dof_coordinates() @ np.array([1.7, 2.3, 2.9]) / span
+    phase = placing.places(space) @ np.array([1.7, 2.3, 2.9]) / span
     values = np.stack([np.cos((1.0 + 0.3 * k) * phase + k) + 0.2 for k in range(space.dofmap.index_map_bs)], axis=1)
     field.x.array[np.array(dofs)] = values.ravel()
     v = x.duplicate()

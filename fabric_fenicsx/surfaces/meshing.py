@@ -1,7 +1,7 @@
 """From a file or a gmsh model to a DOLFINx mesh whose parts are found by name."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 
@@ -9,12 +9,13 @@ import basix.ufl
 import gmsh
 import numpy as np
 from mpi4py import MPI
+from dolfinx import fem
 from dolfinx import mesh as dmesh
 from dolfinx.graph import adjacencylist
 from dolfinx.io.utils import distribute_entity_data
 
 from ..errors import InputError
-from . import checking, gmsh_models, grouping, importing, preparing
+from . import checking, gmsh_models, grouping, importing, placing, preparing
 
 _KINDS = ("points", "edges", "cells")
 
@@ -37,6 +38,11 @@ class Domain:
     """Groups of points that stand for the edges between them as well."""
     pieces: int = 1
     """How many pieces no edge joins."""
+
+    @property
+    def placement(self) -> fem.Function | None:
+        """Where the sheet starts, m, if that is not where the mesh lies; see `placing`."""
+        return placing.of(self.mesh)
 
     def dims(self, name: str) -> list[int]:
         """Dimensions of the groups of a name: 2 for cells, 1 for edges, 0 for points.
@@ -140,6 +146,25 @@ def from_gmsh(
     return _distribute(_on_root(comm, lambda: _by_gmsh(build, Path(), False, prepare)), comm, gdim, ghosts)
 
 
+def sewn(
+    make: Callable[[], tuple[grouping.Raw, checking.Array]], comm: MPI.Comm = MPI.COMM_WORLD, *, ghosts: bool = False
+) -> Domain:
+    """The mesh of a surface that starts in one place and is at rest in another, see `placing`.
+
+    `make()` runs on rank 0 only, and returns the surface where it starts, with cells of one kind numbered from 0, and
+    where the nodes of each cell are at rest, (cells, nodes, 3) in m. Raises InputError as `from_gmsh`.
+    """
+
+    def prepare() -> tuple[preparing.Sheet, checking.Array]:
+        raw, rest = make()
+        return preparing.prepare(raw, gdim=3, orient=False, scale=1.0, merge=None, triangulate=False), rest
+
+    sheet, rest = _on_root(comm, prepare) or (None, None)
+    domain = _distribute(sheet, comm, 3, ghosts)
+    there = np.asarray(comm.bcast(rest, root=0))[np.array(domain.mesh.topology.original_cell_index)]
+    return replace(domain, mesh=placing.placed(domain.mesh, there))
+
+
 def _by_gmsh(
     build: Callable[[], None], path: Path, foreign: bool, prepare: Callable[[grouping.Raw], preparing.Sheet]
 ) -> preparing.Sheet:
@@ -200,7 +225,7 @@ def _distribute(sheet: preparing.Sheet | None, comm: MPI.Comm, gdim: int, ghosts
 
 
 def check_surface(domain: Domain | dmesh.Mesh) -> None:
-    """Check a surface in space, where its nodes are now, as `read` has done before it built the mesh.
+    """Check a surface in space, where its nodes are now, as `read` has done before it built the mesh; see `placing`.
 
     Raises InputError, on every rank, naming cell and place: for a cell with a repeated vertex, of no area,
     a million times longer than wide, or given twice; for an edge of three cells or more; for
@@ -208,7 +233,8 @@ def check_surface(domain: Domain | dmesh.Mesh) -> None:
     """
     m = domain.mesh if isinstance(domain, Domain) else domain
     nodes = m.geometry.dofmaps[0][: m.topology.index_map(2).size_local]
-    own = m.topology.original_cell_index[: len(nodes)], m.geometry.input_global_indices[nodes], m.geometry.x[nodes]
+    x = placing.cells(m)[: len(nodes)]
+    own = m.topology.original_cell_index[: len(nodes)], m.geometry.input_global_indices[nodes], x
     parts = m.comm.gather(own, root=0)
 
     def look() -> None:

@@ -9,6 +9,7 @@ from dolfinx import fem, mesh
 from ufl.core.expr import Expr
 
 from ..errors import InputError
+from . import placing
 from .meshing import Domain, name_cell
 
 ALONG = 1e-6
@@ -89,7 +90,8 @@ class Yarns:
     """
 
     def __init__(self, domain: mesh.Mesh, u: Expr, axes: tuple[Expr, Expr]) -> None:
-        rows = ufl.as_vector([c for a in axes for c in a + ufl.dot(ufl.grad(u), a)])
+        w = placing.from_rest(u)
+        rows = ufl.as_vector([c for a in axes for c in a + ufl.dot(ufl.grad(w), a)])
         points, _ = basix.make_quadrature(domain.basix_cell(), 1)
         self._mesh, self._rows = domain, fem.Expression(rows, points)
 

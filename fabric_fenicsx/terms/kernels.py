@@ -2,8 +2,9 @@
 
 They share one file because Numba's cache looks at the file of a function, not at what it calls. A batch is a tuple:
 M (blocks, points, terms, LANES), padded by zeros; spans (strains, 2), first and last pair of each strain; pairs
-(pairs, 2); start (cells, nodes - 1, 3), places at rest as seen from a cell's first node; normal, directors at rest,
-flat, and the numbers of each cell's; q, and each cell's unknowns in it.
+(pairs, 2); rest and start (cells, nodes - 1, 3), places at rest and where displacements are measured from, as seen from
+a cell's first node; normal, directors at rest, flat, and the numbers of each cell's; q, and each cell's unknowns in
+it.
 """
 
 import numba
@@ -15,14 +16,14 @@ _FAST = {"contract", "nsz"}
 
 
 @numba.njit(forceinline=True, error_model="numpy", fastmath=_FAST)
-def _gather(block, start, normal, directors, q, dofs, r, x):
+def _gather(block, rest, start, normal, directors, q, dofs, r, x):
     """The vectors of a block's cells at rest and now, (n, 3, LANES)."""
     nodes = start.shape[1]
     for lane in range(min(LANES, len(start) - block * LANES)):
         c = block * LANES + lane
         for i in range(nodes):
             for k in range(3):
-                r[i, k, lane] = start[c, i, k]
+                r[i, k, lane] = rest[c, i, k]
                 x[i, k, lane] = start[c, i, k] + (q[dofs[c, 3 * i + 3 + k]] - q[dofs[c, k]])
         for i in range(directors.shape[1]):
             for k in range(3):
@@ -33,12 +34,12 @@ def _gather(block, start, normal, directors, q, dofs, r, x):
 @numba.njit(cache=True, error_model="numpy", fastmath=_FAST)
 def strains(batch, out):
     """Strains `out` (cells, points, strains) of all local cells."""
-    M, spans, pairs, start, normal, directors, q, dofs = batch
+    M, spans, pairs, rest, start, normal, directors, q, dofs = batch
     n = start.shape[1] + directors.shape[1]
     r, x = np.zeros((n, 3, LANES)), np.zeros((n, 3, LANES))
     change, E = np.empty((len(pairs), LANES)), np.empty(LANES)
     for block in range(M.shape[0]):
-        _gather(block, start, normal, directors, q, dofs, r, x)
+        _gather(block, rest, start, normal, directors, q, dofs, r, x)
         change[:] = 0.0
         for k in range(len(pairs)):
             i, j = pairs[k, 0], pairs[k, 1]
@@ -62,13 +63,13 @@ def strains(batch, out):
 @numba.njit(cache=True, error_model="numpy", fastmath=_FAST)
 def forces(batch, stress, weights, out):
     """Add forces of owned cells to a local array; stress (cells, points, strains), weights (owned cells, points)."""
-    M, spans, pairs, start, normal, directors, q, dofs = batch
+    M, spans, pairs, rest, start, normal, directors, q, dofs = batch
     nodes, n = start.shape[1], start.shape[1] + directors.shape[1]
     r, x, f = np.zeros((n, 3, LANES)), np.zeros((n, 3, LANES)), np.empty((n, 3, LANES))
     W, N = np.empty((len(pairs), LANES)), np.zeros(LANES)
     for block in range(-(-len(weights) // LANES)):
         cells = min(LANES, len(weights) - block * LANES)
-        _gather(block, start, normal, directors, q, dofs, r, x)
+        _gather(block, rest, start, normal, directors, q, dofs, r, x)
         W[:] = 0.0
         for p in range(M.shape[1]):
             t = 0
@@ -103,7 +104,7 @@ def forces(batch, stress, weights, out):
 @numba.njit(cache=True, error_model="numpy", fastmath=_FAST)
 def stiffness(batch, tangent, stress, weights, out):
     """Add to `out` (owned cells, n, n) the stiffness of each cell, of tangent and stress at the points."""
-    M, spans, pairs, start, normal, directors, q, dofs = batch
+    M, spans, pairs, rest, start, normal, directors, q, dofs = batch
     nodes, n, strains = start.shape[1], start.shape[1] + directors.shape[1], len(spans)
     r, x, W = np.zeros((n, 3, LANES)), np.zeros((n, 3, LANES)), np.empty(len(pairs))
     B, CB = np.empty((strains, 3 * n + 3)), np.empty((strains, 3 * n + 3))
@@ -111,7 +112,7 @@ def stiffness(batch, tangent, stress, weights, out):
     for c in range(len(weights)):
         block, lane = c // LANES, c % LANES
         if lane == 0:
-            _gather(block, start, normal, directors, q, dofs, r, x)
+            _gather(block, rest, start, normal, directors, q, dofs, r, x)
         K = out[c]
         W[:] = 0.0
         for p in range(M.shape[1]):

@@ -15,6 +15,7 @@ from ..errors import InputError
 from ..shell import dirichlet
 from ..shell.bodies import Body
 from ..shell.directors import ShellSpace
+from ..surfaces import placing
 from ..surfaces.meshing import Domain
 
 type Space = ShellSpace | fem.FunctionSpace
@@ -69,7 +70,7 @@ def unknowns(domain: Domain, space: Space, name: str, component: int | None = No
 
 
 def places(space: Space) -> np.ndarray:
-    """Places at rest of the local unknowns, directors too: m, shape (unknowns, 3). To be called on every rank."""
+    """Places at the start of the local unknowns, directors too: m, shape (unknowns, 3). To be called on every rank."""
     return dirichlet.places(space.V if isinstance(space, ShellSpace) else space)
 
 
@@ -95,7 +96,7 @@ def clamp(domain: Domain, space: Space, name: str) -> Conditions:
 def hold(domain: Domain, space: ShellSpace, name: str) -> Conditions:
     """No rotation of a shell; its displacement is free."""
     part = space.V.sub(1)
-    return [fem.dirichletbc(space.normal, _at(domain, name, (part, space.normal.function_space)), part)]
+    return [fem.dirichletbc(space.start, _at(domain, name, (part, space.start.function_space)), part)]
 
 
 def symmetry(domain: Domain, space: Space, name: str, axis: int) -> Conditions:
@@ -122,14 +123,14 @@ def grip(domain: Domain, space: ShellSpace, name: str) -> tuple[Conditions, Move
     One step may turn by less than half a turn.
     """
     u, d = (fem.Function(space.V.sub(i).collapse()[0]) for i in (0, 1))
-    R = np.eye(3)
+    R, x = np.eye(3), placing.places(u.function_space).T
 
     def lead_directors() -> None:
-        d.x.array[:] = (space.normal.x.array.reshape(-1, 3) @ R.T).ravel()
+        d.x.array[:] = (space.start.x.array.reshape(-1, 3) @ R.T).ravel()
 
     def move(shift: Vector, rotation: Vector = (0, 0, 0), centre: Vector = (0, 0, 0)) -> None:
         R[:], c = _rotation(np.array(rotation, dtype=float)), np.array(centre, dtype=float)[:, None]
-        u.interpolate(lambda x: R @ (x - c) + c - x + np.array(shift, dtype=float)[:, None])
+        u.x.array[:] = (R @ (x - c) + c - x + np.array(shift, dtype=float)[:, None]).T.ravel()
         lead_directors()
 
     lead_directors()
@@ -150,7 +151,7 @@ def rigid(domain: Domain, space: ShellSpace, name: str) -> Body:
     nodes = np.array(dofs, dtype=np.int64).reshape(-1, 3)
     mine = np.isin(nodes[:, 0], _at(domain, name, space.V.sub(0).sub(0)))
     rows = np.flatnonzero(np.isin(space.nodes[:, 0], _at(domain, name, space.V.sub(1).sub(0))))
-    return space.join(name, nodes[mine], part.tabulate_dof_coordinates()[mine], rows)
+    return space.join(name, nodes[mine], placing.places(part)[mine], rows)
 
 
 def _displacement(space: Space) -> fem.FunctionSpace:

@@ -15,6 +15,7 @@ from ufl.form import Form
 from ufl.geometry import FacetJacobian
 
 from ..shell import kinematics
+from ..surfaces import placing
 
 
 def elastic_stress(domain: mesh.Mesh, stiffness: np.ndarray, strain: Expr) -> Expr:
@@ -135,7 +136,8 @@ def drilling_moment(moment: Expr, u: Expr, v: Expr, d: Expr, delta: Expr, ds: uf
     part of b w x b, and d x b . w x b is b^2 d . w: with `edge_moment` the whole work of a dead moment is m . w.
     """
     along = FacetJacobian(ds.ufl_domain())[:, 0]
-    t, change, square = along + ufl.dot(ufl.grad(u), along), ufl.dot(ufl.grad(v), along), ufl.dot(d, d)
+    moved = ufl.grad(placing.from_rest(u))
+    t, change, square = along + ufl.dot(moved, along), ufl.dot(ufl.grad(v), along), ufl.dot(d, d)
     part = ufl.dot(t, d) / square
     b, change = t - part * d, change - part * delta
     return ufl.inner(moment, d) / square * ufl.dot(ufl.cross(d, b), change) / ufl.dot(b, b) * ds

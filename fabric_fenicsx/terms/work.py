@@ -30,6 +30,7 @@ from ufl.form import Form
 from ..errors import InputError
 from ..laws import Array, Law
 from ..shell.directors import ShellSpace
+from ..surfaces import placing
 from . import kernels, weakform
 from .hook import LawHook
 from .kernels import LANES
@@ -155,10 +156,15 @@ class _Shell:
         self.space, self.q, self.cells, self.dofs, self.directors = space, q, cells, dofs, directors
         part, where = space.V.sub(0).collapse()
         x = np.empty((len(q.x.array), 3))
-        x[np.array(where).reshape(-1, 3)[:, 0]] = part.tabulate_dof_coordinates()
+        x[np.array(where).reshape(-1, 3)[:, 0]] = placing.places(part)
         nodes = dofs[:, : dofs.shape[1] - 3 * directors.shape[1] : 3]
         self.start = np.ascontiguousarray(x[nodes[:, 1:]] - x[nodes[:, :1]])
-        """Reference places of the other nodes of each cell, as seen from the first one: (cells, nodes - 1, 3)."""
+        """Places of the other nodes of each cell, as seen from the first one, at the start: (cells, nodes - 1, 3)."""
+        self.rest = self.start
+        if placing.of(space.mesh) is not None:
+            there = placing.at_rest(part, cells)
+            self.rest = np.ascontiguousarray(there[:, 1:] - there[:, :1])
+        """The same at rest."""
 
 
 class _Part:
@@ -174,7 +180,7 @@ class _Part:
 
         q, normal = shell.q.x.array, shell.space.normal.x.array
         probed = quadratic(shell, strain, points)
-        self.batch = *probed, shell.start, normal, shell.directors, q, shell.dofs
+        self.batch = *probed, shell.rest, shell.start, normal, shell.directors, q, shell.dofs
         area = at_points(ufl.JacobianDeterminant(mesh))[:owned].reshape(owned, len(points))
         self.weights = area * weights
         shape = len(points), strain.ufl_shape[0]

@@ -1,0 +1,1 @@
+"""Garments: flat panels, seams that join them, and the wearer whom they dress."""
