@@ -119,7 +119,7 @@ def settings(scene, args, **more):
 
 @dataclass
 class Scene:
-    """A run in motion and what is asked of it. probes: column -> function."""
+    """A run in motion and what is asked of it. probes: column -> function; touch: contact, if there is any."""
 
     name: str
     sheet: object
@@ -127,6 +127,7 @@ class Scene:
     ledger: object
     probes: dict
     settings: dict
+    touch: object = None
 
 
 def play(scene, args, out, progress, watch=None, every=1):
@@ -145,7 +146,7 @@ def play(scene, args, out, progress, watch=None, every=1):
 
     record = Recorder(
         sheet, out, probes, title=scene.name, run=run, marks=scene.settings, resume=args.resume, film=args.animation,
-        every=every,
+        every=every, touch=scene.touch,
     )  # fmt: skip
     if args.resume:
         command.say(f"gone on from t = {run.time:g} s")

@@ -31,18 +31,16 @@ def scene(args, comm=MPI.COMM_WORLD):
     cloth, areal_mass = moving.square(meshing.MESHES / "drape.geo", args, moving.SIDE / args.cells, comm)
     middle = cloth.domain.mesh.geometry.x
     low, high = (comm.allreduce(pick(axis=0), op) for pick, op in ((middle.min, MPI.MIN), (middle.max, MPI.MAX)))
-    ball = bodies.Sphere(args.radius, (*((low + high) / 2)[:2], -args.radius - ABOVE))
+    ball = bodies.Sphere(args.radius, (*((low + high) / 2)[:2], -args.radius - ABOVE), name="ball")
     touch = Contact(cloth, [ball], friction=args.friction, stiffness=args.stiffness)
     weight = cloth.weight(areal_mass, ufl.as_vector((0.0, 0.0, -G)))
     run, _ = moving.runner(args, cloth, areal_mass, [], [weight, *touch.terms])
     probes = {
         "centre_z_m": moving.value_at(cloth, 2, "centre"),
-        "ball_z_N": lambda: touch.force(ball)[2],
-        "least_gap_m": touch.least_gap,
         "crossed": touch.crossed,
     }
     made_with = moving.settings("sphere", args, radius=args.radius, friction=args.friction)
-    return moving.Scene(f"{Path(args.fabric).stem} on a sphere", cloth, run, run.ledger, probes, made_with)
+    return moving.Scene(f"{Path(args.fabric).stem} on a sphere", cloth, run, run.ledger, probes, made_with, touch)
 
 
 def arguments():

@@ -51,6 +51,7 @@ def falling(cloth, touch, speed=0.0, **options):
         (bodies.Box((1, 2, 3), (1, 1, 1), (0.1, 0.2, 0.3), cells=3), 6.0),
         (bodies.Cylinder(1.0, 2.0, (0, 0, 1), (1, 1, 0), cells=24), 2 * np.pi),
         (bodies.Capsule(1.0, 2.0, (0, 0, 1), (1, 1, 0), cells=24), (2 + 4 / 3) * np.pi),
+        (bodies.Ring(1.0, 0.2, (0, 0, 1), (1, 1, 0), cells=48), 2 * np.pi**2 * 0.04),
     ],
     ids=lambda value: getattr(value, "name", ""),
 )
@@ -60,7 +61,7 @@ def test_a_body_is_closed_faces_outward_and_has_its_volume(body, volume):
     sides = np.sort(body.faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
     _, counts = np.unique(sides, axis=0, return_counts=True)
     assert (counts == 2).all()
-    assert len(body.rest) - len(counts) + len(body.faces) == 2
+    assert len(body.rest) - len(counts) + len(body.faces) == (0 if isinstance(body, bodies.Ring) else 2)
     turned = body.rest.copy()
     body.move((1, 0, 0), (0, 0, np.pi / 2), (1, 0, 0))
     assert body.target == pytest.approx(np.column_stack([2 - turned[:, 1], turned[:, 0] - 1, turned[:, 2]]))
@@ -117,6 +118,32 @@ def test_a_plane_presses_by_its_stiffness_at_half_the_reach(element, cells):
     assert touch.least_gap() == pytest.approx(0.5e-3)
     assert touch.force(touch.bodies[0]) == pytest.approx([0, 0, -1e3 * SIDE**2])
     assert touch.moment(touch.bodies[0], (SIDE / 2, SIDE / 2, 0)) == pytest.approx([0, 0, 0], abs=1e-9)
+    assert touch.pressure() == pytest.approx(1e3)
+    assert np.isnan(touch.pressure(touch.bodies[0])).all()
+
+
+@pytest.mark.parametrize("below", [True, False])
+def test_the_pressure_times_the_area_is_the_force_on_sheet_and_body(below):
+    cloth, gap = square(cells=6), 0.4e-3
+    sign = 1 if below else -1
+    box = bodies.Box((0.9, 0.9, 0.1), (0.3, 0.3, -sign * (H + gap + 0.05)), cells=8)
+    around = [box, bodies.Plane((0, 0, -sign), (0, 0, sign * (H + 0.7e-3)))]
+    touch = Contact(cloth, around, reach=1e-3, stiffness=1e3, itself=False)
+    x, force = touch.rest, np.abs([touch.force(body)[2] for body in around])
+    area = np.full(len(x), (SIDE / 6) ** 2)
+    area /= np.where(np.isclose(np.abs(x[:, 0] - 0.3), 0.3), 2, 1) * np.where(
+        np.isclose(np.abs(x[:, 1] - 0.3), 0.3), 2, 1
+    )
+    assert force[0] > force[1] > 0.0
+    # what presses from both sides counts once; triangles of two around a corner are not a quarter of four squares
+    assert touch.pressure() @ area == pytest.approx(force.max(), rel=0.1)
+    pressed = touch.pressure(box)
+    assert (
+        pressed.shape == (len(box.rest),)
+        and (pressed[np.isclose(sign * box.rest[:, 2], box.rest[:, 2].min())] == 0).all()
+    )
+    assert touch.places(box) == pytest.approx(box.rest)
+    assert [*touch.row()][:3] == ["least_gap_m", "box_x_N", "box_y_N"]
 
 
 @pytest.mark.parametrize("element", ["mitc4", "regge"])

@@ -6,6 +6,7 @@ import sys
 
 import numpy as np
 import pytest
+import pyvista
 import ufl
 from mpi4py import MPI
 
@@ -13,7 +14,8 @@ from fabric_fenicsx import scenes
 from fabric_fenicsx.contact import bodies
 from fabric_fenicsx.contact.contact import Contact
 from fabric_fenicsx.errors import InputError
-from fabric_fenicsx.output import results
+from fabric_fenicsx.output import fields, results
+from fabric_fenicsx.output.series import Series
 from fabric_fenicsx.surfaces import meshing
 
 pytestmark = pytest.mark.filterwarnings("ignore:.*is assumed")
@@ -78,6 +80,23 @@ def test_a_led_body_pushes_a_sheet_at_rest_and_its_supports_bear_it(tmp_path):
     assert pushed[1] < 2 * pushed[0] < 0.0
     assert borne == pytest.approx(pushed, rel=1e-3, abs=5e-4), "Newton's tolerance, of the first residual"
     assert (table.column("least_gap_m") > 0.0).all()
+    # beside the sheet there is the body, where it is then, and both have the pressure of contact
+    series, sheet_files = (fields.index(tmp_path / "out", kind) for kind in ("bodies", "fields"))
+    assert [time for time, _ in series] == [time for time, _ in sheet_files] == [1.0, 2.0]
+    ball = bodies.Sphere(0.15, (0.3, 0.3, -0.155), cells=6)
+    for (_, file), shift in zip(series, (0.01, 0.02), strict=True):
+        grid = pyvista.read(file)
+        assert np.array(grid.points) == pytest.approx(ball.rest + [0, 0, shift])
+        assert grid.field_data["body_0"][0] == "ball" and grid.n_cells == len(ball.faces)
+        assert grid.point_data[fields.PRESSURE].max() > 0.0
+    sheet = pyvista.read(sheet_files[-1][1])
+    assert (sheet.point_data[fields.PRESSURE] > 0.0).sum() >= 1
+    shape = Series(tmp_path / "out").shape(-1, "pressure")
+    assert shape.values.max() > 0.0 and len(shape.bodies) == 1 and len(shape.in_sight()) > 2 * len(shape.points)
+    run(SHEET + RIM + GRAVITY + "[dynamics]\nend_s = 0.005\n", tmp_path / "out")
+    assert not (tmp_path / "out" / "bodies.pvd").exists() and not list((tmp_path / "out" / "bodies").glob("*"))
+    with pytest.raises(InputError, match="has no pressure, as nothing can touch"):
+        Series(tmp_path / "out").shape(-1, "pressure")
 
 
 @pytest.mark.parametrize(
@@ -87,6 +106,7 @@ def test_a_led_body_pushes_a_sheet_at_rest_and_its_supports_bear_it(tmp_path):
         ('"sphere"\nradius_m = 0.1\ncentre_m = [0, 0, -1]\ncells = 4', bodies.Sphere(0.1, (0, 0, -1), cells=4)),
         ('"cylinder"\nradius_m = 0.1\nlength_m = 2\naxis = [1, 0, 0]', bodies.Cylinder(0.1, 2, axis=(1, 0, 0))),
         ('"capsule"\nradius_m = 0.1\nlength_m = 2\ncells = 4', bodies.Capsule(0.1, 2, cells=4)),
+        ('"ring"\nradius_m = 1\nwire_m = 0.2\ncells = 5', bodies.Ring(1, 0.2, cells=5)),
         ('"box"\nsize_m = [1, 2, 3]\norientation_deg = [0, 0, 90]', bodies.Box((1, 2, 3), turn=(0, 0, np.pi / 2))),
         (
             '"surface"\nfile = "square.geo"\nnumbers = { side = 0.5, n = 2 }\nscale = 2',
@@ -149,9 +169,13 @@ def test_a_body_is_led_and_turned_along_its_path_and_contact_has_si_units(tmp_pa
         (BALL, RIM, "contact.itself = False leaves nothing to touch"),
         ("friction = 0.3", "friction = -0.3", "contact.friction = -0.3 is negative"),
         ("friction = 0.3", "friction = 0.3\nstatic_friction = 0.2", "static_friction = 0.2 is less than the friction"),
+        ("friction = 0.3", "friction = [0.3, -1]", r"contact.friction = \[0.3, -1\] is negative"),
+        ("friction = 0.3", "friction = [0.3, 0.2, 1]", "contact.friction"),
+        ("friction = 0.3", "friction = [0.3, 0.2]\nstatic_friction = 0.25", r"less than .* sliding, \[0.3, 0.2\]"),
         ("friction = 0.3", "stiffness = 1", "contact.stiffness = 1 is not a known key; perhaps contact.stiffness_Pa"),
         ("friction = 0.3", "reach_m = 0", "contact.reach_m = 0 is not positive"),
         ("-0.155]", "-0.1]", "The sheet starts across a body"),
+        (DROP, SHEET + RIM + '[statics]\n[output]\ncolour = "pressure"\n', "colour = 'pressure' is of contact"),
     ],
 )  # fmt: skip
 def test_what_cannot_be_is_refused_in_a_sentence(tmp_path, old, new, reason):
@@ -242,5 +266,5 @@ def test_ranks_do_not_change_the_answer(tmp_path):
     rows = []
     for one in built:
         motion, _ = one.cloth.newmark(one.areal_mass, one.bcs, one.acting, rtol=1e-10, set_load=one.set_load)
-        rows.append([list(scenes.bodies.pressed(one.touch).values()) for _ in motion.march(0.04, 5e-3)])
+        rows.append([list(one.touch.row().values()) for _ in motion.march(0.04, 5e-3)])
     assert np.array(rows[1]) == pytest.approx(np.array(rows[0]), rel=1e-6, abs=1e-9)

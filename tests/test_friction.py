@@ -46,6 +46,44 @@ def test_where_friction_could_hold_it_creeps_with_the_smoothed_laws_speed():
     assert speed == pytest.approx(SLIP * (1 - np.sqrt(1 - 0.2 / MU)), rel=0.01)
 
 
+@pytest.mark.parametrize("body", ["plane", "box"])
+@pytest.mark.parametrize("way", [0.0, np.pi / 2, 0.6])
+def test_friction_differs_along_warp_and_weft(body, way):
+    """It is against the way, by an ellipse; the same on an exact plane and between triangles."""
+    cloth, (mu1, mu2) = square("mitc4", 2, side=0.1), (0.3, 0.1)
+    under = bodies.Plane(point=(0, 0, -H - 1e-3)) if body == "plane" else bodies.Box((1, 1, 1), (0.12, 0, -H - 0.501))
+    touch = Contact(cloth, [under], friction=(mu1, mu2), itself=False, reach=2e-3, slip=1e-3)
+    touch.terms[0].prepare(0.1)
+    along = np.array([np.cos(way), np.sin(way), 0.0])
+    cloth.q.x.array[touch._around.skin.local] += 0.01 * along
+    push = touch.force(under)
+    mu = np.hypot(mu1 * along[0], mu2 * along[1])
+    assert push[:2] == pytest.approx(-mu * push[2] * along[:2], rel=1e-6, abs=1e-9)
+
+
+def test_the_tangent_of_friction_that_differs_is_exact_on_planes():
+    cloth, rng = square("mitc4", 2, side=0.1), np.random.default_rng(1)
+    touch = Contact(cloth, [bodies.Plane(point=(0, 0, -H - 1e-3))], friction=(0.3, 0.1), static=(0.4, 0.15), reach=2e-3)
+    term, q, local = touch.terms[0], cloth.q.x.array, touch._around.skin.local
+    term.prepare(0.5)
+    place, way = 2e-4 * rng.standard_normal(local.shape), rng.standard_normal(local.shape)
+    # directions are those of the sheet before it moves: nothing of it strains or turns
+    place[:], way[:] = place[:1], way[:1]
+    start, forces = q[local].copy(), []
+    for e in (1e-9, -1e-9):
+        q[local] = start + place + e * way
+        total = np.zeros_like(q)
+        term.evaluate()
+        term.add_force(total)
+        forces.append(total[local])
+    q[local] = start + place
+    term.evaluate()
+    around = touch._around
+    _, _, change = term.of_plane(0)
+    assert len(change) == len(around.skin.rest)
+    assert np.einsum("ijk,ik->ij", change, way) == pytest.approx((forces[0] - forces[1]) / 2e-9, rel=1e-5, abs=1e-6)
+
+
 def test_the_coefficient_is_that_of_the_toolkit():
     ipctk = pytest.importorskip("ipctk")
     slid = np.array([1e-6, 2e-5, 5e-5, 9.9e-5, 2e-4])

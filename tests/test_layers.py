@@ -46,15 +46,16 @@ FLOORS = [
             {"energy"},
         ]
     },
-    {"output": [{"results", "gathering", "showing"}, {"fields", "pictures"}, {"series"}, {"recording"}]},
+    {"output": [{"results", "gathering", "showing"}, {"solids"}, {"fields", "pictures"}, {"series"}, {"recording"}]},
     {"material"},
     {"sheet"},
     {
         "contact": [
             {"bodies", "skin"},
+            {"coefficients"},
             {"planes", "deforming"},
             {"collisions"},
-            {"surroundings"},
+            {"surroundings", "pressure"},
             {"pairs"},
             {"barrier", "friction"},
             {"contact"},

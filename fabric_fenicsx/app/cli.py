@@ -179,8 +179,8 @@ def run(scene: Path, out: Path | None, resume: str | None, quiet: bool, trust: b
 @app.command()
 @click.argument("results_folder", metavar="FOLDER", type=folder)
 @click.option("--frame", type=int, help="Which step, from 0; the last, if left out.")
-@click.option("--colour", type=click.Choice(["yarn", "warp", "weft", "shear"]), default="yarn", show_default=True,
-              help="By which strain; yarn: the larger of warp and weft.")  # fmt: skip
+@click.option("--colour", type=click.Choice(["yarn", "warp", "weft", "shear", "pressure"]), default="yarn",
+              show_default=True, help="By which strain (yarn: the larger of two), or by contact pressure.")  # fmt: skip
 @click.option("--view", "eye", callback=direction, metavar="X,Y,Z", help="From the sheet to the eye.")
 @click.option("--animation", is_flag=True, help="All steps, as animation.gif.")
 @click.option("--out", type=file, help="Picture, or with --animation a .gif (with the extra [film] also .mp4).  "

@@ -125,6 +125,31 @@ class Capsule(Cylinder):
         return np.concatenate([half, half[::-1] * np.array([1, -1])])
 
 
+class Ring(Body):
+    """A torus: radius of its middle line and of its wire, m; cells: along a quarter of the middle line."""
+
+    def __init__(
+        self,
+        radius: float,
+        wire: float,
+        centre: Vector = (0, 0, 0),
+        axis: Vector = (0, 0, 1),
+        *,
+        cells: int = 12,
+        name: str = "ring",
+    ) -> None:
+        _positive(name, radius=radius, wire=wire, cells=cells)
+        if wire >= radius:
+            raise InputError(f"The body {name!r} has a wire of {wire:g} m, which fills its radius of {radius:g} m.")
+        around, across = (2 * np.pi * np.arange(n + 1) / n for n in (4 * cells, max(8, cells)))
+        around[-1] = across[-1] = 0.0
+        out = radius + wire * np.cos(across)
+        circles = [np.column_stack([out * c, out * s, wire * np.sin(across)])
+                   for c, s in zip(np.cos(around), np.sin(around), strict=True)]  # fmt: skip
+        rest, faces = _joined(np.concatenate(circles), _squares(len(around), len(across)))
+        super().__init__(rest @ _frame(axis, name) + np.array(centre, dtype=float), faces, name)
+
+
 class Surface(Body):
     """Any surface that `meshing.read` takes, open or closed; options are those of `meshing.read`."""
 
@@ -193,6 +218,7 @@ def _joined(x: Array, faces: np.ndarray) -> tuple[Array, np.ndarray]:
 
 
 KINDS: dict[str, Callable[..., Body]] = {
-    "plane": Plane, "sphere": Sphere, "cylinder": Cylinder, "capsule": Capsule, "box": Box, "surface": Surface
+    "plane": Plane, "sphere": Sphere, "cylinder": Cylinder, "capsule": Capsule, "box": Box,
+    "ring": Ring, "surface": Surface
 }  # fmt: skip
 """Name -> kind of body."""

@@ -10,8 +10,10 @@ from ..sheet import Sheet
 from ..terms.term import Term
 from .barrier import Barrier
 from .bodies import Body, Plane
+from .coefficients import Coefficients, Directions
 from .collisions import Collisions
 from .friction import Friction
+from .pressure import pressures
 from .skin import Skin
 from .surroundings import Surroundings
 
@@ -26,11 +28,12 @@ class Contact:
         run, ledger = cloth.newmark(mass, bcs, [weight, *touch.terms])
 
     To be made on every rank, with the sheet where it starts. Raises InputError, on every rank, where it crosses
-    something there. Public: `terms`, for a solver; `bodies`, `offset`, `reach`.
+    something there. Public: `terms`, for a solver; `bodies`, `offset`, `reach`; `rest`, places of the
+    sheet's nodes at rest (n, 3), in the order of the ranks that own them.
 
     Args:
-        friction: coefficient, of sliding; static: of sticking, by default the same. Smoothed, it holds
-            hardly more: from half the slip speed on the coefficient is nearer to that of sliding.
+        friction: coefficient of sliding, or two, along warp and weft; static: of sticking, by default the same.
+            Smoothed, it holds hardly more: from half the slip speed on the coefficient is nearer to that of sliding.
         itself: whether the sheet may touch itself, or goes through itself.
         offset: the distance, m, that always stays between nodes' surfaces; by default the largest thickness.
         reach: beyond the offset, m, from which on surfaces push; by default five times the thickness, and at most a
@@ -45,8 +48,8 @@ class Contact:
         sheet: Sheet,
         bodies: Sequence[Body] = (),
         *,
-        friction: float = 0.0,
-        static: float | None = None,
+        friction: float | Sequence[float] = 0.0,
+        static: float | Sequence[float] | None = None,
         itself: bool = True,
         offset: float | None = None,
         reach: float | None = None,
@@ -55,12 +58,18 @@ class Contact:
         creep: float = 2e-5,
     ) -> None:
         self.bodies, skin = list(bodies), Skin(sheet)
+        self.rest = skin.rest
         edge = _shortest_edge(skin.rest, skin.faces)
         thickness = max(float(material.thickness) for material in sheet.materials.values())
         self.offset = thickness if offset is None else offset
         self.reach = min(5 * thickness, 0.1 * edge) if reach is None else reach
         static = friction if static is None else static
-        if not (np.isfinite(friction) and 0.0 <= friction <= static < np.inf):
+        if not all(np.shape(mu) in ((), (2,)) for mu in (static, friction)):
+            raise InputError(
+                f"Friction {friction!r} and static friction {static!r} are a number or two, warp and weft."
+            )
+        kinetic, most = np.broadcast_to(friction, 2).astype(float), np.broadcast_to(static, 2).astype(float)
+        if not (np.isfinite(most).all() and (kinetic >= 0.0).all() and (kinetic <= most).all()):
             raise InputError(f"Friction {friction!r} and static friction {static!r} must be 0 <= friction <= static.")
         positive = {"offset": self.offset, "reach": self.reach, "stiffness": stiffness, "slip": slip, "creep": creep}
         for name, value in positive.items():
@@ -79,7 +88,11 @@ class Contact:
                 "start it clear of everything, or take a smaller offset."
             )
         self._barrier = Barrier(around)
-        self._friction = [Friction(around, static, friction, slip, creep)] if static > 0.0 else []
+        self._friction = []
+        if most.any():
+            differ = np.ptp(kinetic) > 0.0 or np.ptp(most) > 0.0
+            coefficients = Coefficients(most, kinetic, Directions(sheet, skin) if differ else None)
+            self._friction = [Friction(around, coefficients, slip, creep)]
         self.terms: list[Term] = [*self._friction, self._barrier]
 
     # -- what a user wants to know of the present state ------------------------------------------------------------
@@ -111,6 +124,46 @@ class Contact:
             x, derivative = self._on(body)
         return -np.cross(x - np.array(about), derivative).sum(axis=0)
 
+    def pressure(self, body: Body | None = None) -> Array:
+        """At the nodes of the sheet, in the order of `Skin`, or at a body's corners, Pa; see `pressure`.
+
+        Not a number at the corners of a plane: its pressure is that of the sheet on it.
+        """
+        self._around.place()
+        every = pressures(self._around.collisions)
+        if body is None:
+            return every[: self._around.collisions.count]
+        return np.full(len(body.rest), np.nan) if isinstance(body, Plane) else every[self._part(body)]
+
+    def places(self, body: Body) -> Array:
+        """Where the corners of a body are now, (n, 3) in m."""
+        if isinstance(body, Plane):
+            return np.asarray(body.rest + self._around.shifts[self._number(body)])
+        self._around.place()
+        return self._around.collisions.x[self._part(body)]
+
+    def lost(self) -> float:
+        """Energy that friction has taken since the start, or since a ledger watches, J."""
+        return float(self._around.skin.comm.allreduce(sum(term.dissipated() for term in self._friction)))
+
+    def row(self) -> dict[str, float]:
+        """Columns of a history: the least gap, and force and moment about the origin of the sheet on each body."""
+        row = {"least_gap_m": self.least_gap()}
+        for name, body in zip(_apart([body.name for body in self.bodies]), self.bodies, strict=True):
+            for unit, values in (("N", self.force(body)), ("Nm", self.moment(body))):
+                row |= {f"{name}_{axis}_{unit}": float(value) for axis, value in zip("xyz", values, strict=True)}
+        return row
+
+    def _number(self, body: Body) -> int:
+        """Among the planes, or among the others."""
+        kind = isinstance(body, Plane)
+        return [other for other in self.bodies if isinstance(other, Plane) == kind].index(body)
+
+    def _part(self, body: Body) -> slice:
+        """Its corners among all."""
+        starts, k = self._around.collisions.starts, self._number(body)
+        return slice(starts[k], starts[k + 1])
+
     def _all(self) -> Array:
         return np.asarray(sum((term._forces() for term in self._friction), self._barrier._forces()))
 
@@ -119,15 +172,20 @@ class Contact:
         self._around.place()
         near = self._around.collisions
         if isinstance(body, Plane):
-            k = [other for other in self.bodies if isinstance(other, Plane)].index(body)
+            k = self._number(body)
             derivative = near.planes.forces(k, near.nodes, near.shifts[k])
             for term in self._friction:
                 nodes, force, _ = term.of_plane(k)
                 derivative[nodes] += force
             return near.nodes, -derivative
-        k = [other for other in self.bodies if not isinstance(other, Plane)].index(body)
-        part = slice(near.starts[k], near.starts[k + 1])
+        part = self._part(body)
         return near.x[part], self._all()[part]
+
+
+def _apart(names: Sequence[str]) -> list[str]:
+    """The same names, each of its own: a second ball is ball_2."""
+    count = [names[:k].count(name) for k, name in enumerate(names)]
+    return [f"{name}_{n + 1}" if n else name for name, n in zip(names, count, strict=True)]
 
 
 def _shortest_edge(x: Array, faces: np.ndarray) -> float:

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from ..laws import Array
+from .coefficients import Coefficients
 from .pairs import PairTerm
 from .planes import blocks
 from .surroundings import Surroundings
@@ -17,15 +18,15 @@ from .surroundings import Surroundings
 class Friction(PairTerm):
     """Friction between all that the barrier keeps apart, at the normal force of the end of a step.
 
-    static, kinetic: coefficients. slip: speed from which on all of it acts, m/s. creep: the way in a step, m, that
+    slip: speed from which on all of it acts, m/s. creep: the way in a step, m, that
     stands for it in statics, and is the least in motion: Newton's method goes round in circles where it steps far over.
     """
 
     loses = "friction"
 
-    def __init__(self, around: Surroundings, static: float, kinetic: float, slip: float, creep: float) -> None:
+    def __init__(self, around: Surroundings, coefficients: Coefficients, slip: float, creep: float) -> None:
         super().__init__(around)
-        self._static, self._kinetic, self._slip, self._creep = static, kinetic, slip, creep
+        self._coefficients, self._slip, self._creep = coefficients, slip, creep
         kit = around.collisions.kit
         self._law, self._pairs, self._lost = kit.FrictionPotential(creep), kit.TangentialCollisions(), 0.0
         self._at: tuple[Array, Array] | None = None
@@ -42,13 +43,35 @@ class Friction(PairTerm):
         if self._at is None or self._at[0] is not near.x or self._at[1] is not x0:
             self._at, force = (near.x, x0), np.zeros(near.x.shape)
             if len(near.set):
-                self._pairs.build(near.mesh, near.x, near.set, near.barrier, self._static, self._kinetic)
+                mu = self._coefficients.static[0], self._coefficients.kinetic[0]
+                self._pairs.build(near.mesh, near.x, near.set, near.barrier, *mu)
+                if not self._coefficients.uniform:
+                    self._orient()
                 force = -self._law.force(*self._arguments()).reshape(-1, 3)
             for k in range(len(near.shifts)):
                 nodes, own, _ = self.of_plane(k)
                 force[nodes] += own
             self._force = force
         return self._force
+
+    def _orient(self) -> None:
+        """Give each pair the coefficients along its way. Their derivative is not in the matrix of pairs."""
+        near, pairs = self._around.collisions, [self._pairs[k] for k in range(len(self._pairs))]
+        slid, x, places = near.x - self._around.x0, near.nodes, (near.edges, near.faces)
+        nodes = np.array([pair.vertex_ids(*places) for pair in pairs]).reshape(-1, 4)
+        slid = np.asfortranarray(slid)
+        ways = np.array([pair.relative_velocity(pair.dof(slid, *places)) for pair in pairs]).reshape(-1, 3)
+        bases = np.array([pair.tangent_basis for pair in pairs]).reshape(-1, 3, 2)
+        ways = np.einsum("pik,pjk,pj->pi", bases, bases, ways)
+        weights = np.zeros(nodes.shape)
+        for k, pair in enumerate(pairs):
+            weights[k, : pair.num_vertices()] = np.abs(pair.compute_coefficients(pair.dof(near.x, *places)))
+        weights[(nodes < 0) | (nodes >= near.count)] = 0.0
+        every = np.where((nodes < 0) | (nodes >= near.count), 0, nodes).ravel()
+        mu, _ = self._coefficients.along(every, np.repeat(ways, 4, axis=0), x)
+        mean = np.sum(mu.reshape(2, -1, 4) * weights, axis=2) / weights.sum(axis=1)
+        for pair, static, kinetic in zip(pairs, *mean, strict=True):
+            pair.mu_s_effective_lagged, pair.mu_k_effective_lagged = static, kinetic
 
     def _arguments(self) -> tuple[Any, ...]:
         near, x0 = self._around.collisions, self._around.x0
@@ -58,8 +81,8 @@ class Friction(PairTerm):
     def of_plane(self, k: int) -> tuple[np.ndarray, Array, Array]:
         """See `Planes.friction`."""
         around, near = self._around, self._around.collisions
-        law, shifts = (self._law.eps_v, self._static, self._kinetic), (around.shifts[k], around.shifts0[k])
-        return near.planes.friction(k, near.nodes, around.x0[: near.count], shifts, law)
+        law, shifts = (self._law.eps_v, self._coefficients), (around.shifts[k], around.shifts0[k])
+        return near.planes.friction(k, near.nodes, around.x0[: near.count], shifts, *law)
 
     def _matrix(self) -> Any:
         self._forces()

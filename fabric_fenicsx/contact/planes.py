@@ -13,11 +13,12 @@ import scipy.sparse
 
 from ..laws import Array
 from .bodies import Plane
+from .coefficients import Coefficients
 
 HALF = np.log(2.0) + 0.5
 
 
-def coulomb(slid: Array, length: float, static: float, kinetic: float) -> tuple[Array, Array]:
+def coulomb(slid: Array, length: float, static: Array | float, kinetic: Array | float) -> tuple[Array, Array]:
     """Coefficient of friction over the way that was slid, and its derivative by half the square of that way.
 
     It grows as 2 y - y^2 over the `length`, the coefficient itself going smoothly from static to kinetic.
@@ -83,22 +84,27 @@ class Planes:
         return blocks(found, size)
 
     def friction(
-        self, k: int, x: Array, x0: Array, shifts: tuple[Array, Array], law: tuple[float, float, float]
+        self, k: int, x: Array, x0: Array, shifts: tuple[Array, Array], length: float, coefficients: Coefficients
     ) -> tuple[np.ndarray, Array, Array]:
         """Of one plane: nodes, forces (i, 3) that count as those of a residual, and their derivatives (i, 3, 3).
 
-        shifts: now, and at the last commit. law: see `coulomb`.
+        shifts: now, and at the last commit. length: see `coulomb`.
         """
         n = self._planes[k].normal
         near, _, force, slope = self._near(k, x, shifts[0])
         slid = x[near] - x0[near] - (shifts[0] - shifts[1])
         slid -= np.outer(slid @ n, n)
-        h, bend = coulomb(np.linalg.norm(slid, axis=1), *law)
+        way, (mu, rise) = np.linalg.norm(slid, axis=1), coefficients.along(near, slid, x)
+        h, bend = coulomb(way, length, *mu)
         flat = np.eye(3) - np.outer(n, n)
         change = (slope * h)[:, None, None] * slid[:, :, None] * n
         change += force[:, None, None] * (
             h[:, None, None] * flat + bend[:, None, None] * slid[:, :, None] * slid[:, None, :]
         )
+        if not coefficients.uniform:
+            each = np.stack([coulomb(way, length, 1.0, 0.0)[0], coulomb(way, length, 0.0, 1.0)[0]])
+            turned = np.einsum("si,sic->ic", force * each, rise) @ flat
+            change += slid[:, :, None] * turned[:, None, :]
         return near, (force * h)[:, None] * slid, change
 
     def free_part(self, x0: Array, x1: Array, shifts: Array, way: Array) -> float:

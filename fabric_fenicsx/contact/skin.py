@@ -23,7 +23,7 @@ class Skin:
     """
 
     def __init__(self, sheet: Sheet) -> None:
-        self._q, self._comm = sheet.q, sheet.domain.mesh.comm
+        self._q, self.comm = sheet.q, sheet.domain.mesh.comm
         V = sheet.q.function_space
         if sheet.shell is None:
             space, where = V, np.arange(len(sheet.q.x.array))
@@ -42,14 +42,14 @@ class Skin:
         triangles = dofmap.index_map.local_to_global(cells[:, corners].ravel().astype(np.int32)).reshape(-1, 3)
         blocks, components = np.divmod(self.local, V.dofmap.index_map_bs)
         rows = V.dofmap.index_map.local_to_global(blocks.ravel().astype(np.int32)).reshape(-1, 3)
-        self._counts = 3 * np.array(self._comm.allgather(own))
+        self._counts = 3 * np.array(self.comm.allgather(own))
         self.rest = self._gathered(placing.places(space)[:own])
-        self.faces = np.concatenate(self._comm.allgather(triangles)).astype(np.int32)
-        self.unknowns = np.concatenate(self._comm.allgather(rows * V.dofmap.index_map_bs + components))
+        self.faces = np.concatenate(self.comm.allgather(triangles)).astype(np.int32)
+        self.unknowns = np.concatenate(self.comm.allgather(rows * V.dofmap.index_map_bs + components))
 
     def _gathered(self, own: Array) -> Array:
         result = np.empty((self._counts.sum() // 3, 3))
-        self._comm.Allgatherv(np.ascontiguousarray(own), [result, self._counts])
+        self.comm.Allgatherv(np.ascontiguousarray(own), [result, self._counts])
         return result
 
     def moved(self, values: Array) -> Array:

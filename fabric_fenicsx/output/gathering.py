@@ -65,6 +65,10 @@ class Whole:
         cells = {name: np.concatenate([part[name] for _, part in ranks])[self._cell_order] for name in cell_values}
         return np.concatenate([part for part, _ in ranks])[self._node_order], cells
 
+    def in_order(self, values: Array) -> Array:
+        """On rank 0: values of all nodes as the ranks number them, one after the other, in the order of `points`."""
+        return values[self._node_order]
+
     def at_nodes(self, values: Array) -> Array:
         """Mean at each node of the values of the cells around it; on rank 0."""
         total = np.zeros((len(self.points), *values.shape[1:]))

@@ -6,6 +6,7 @@ part at zero. A sheet in space stands beside a length to scale and the direction
 """
 
 import os
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -16,11 +17,14 @@ from dolfinx import fem
 from .. import files
 from ..laws import Array
 from ..system import can_draw
-from . import results
+from . import results, solids
 from .gathering import Whole
+from .solids import Solid
 
 VIEW = (1.0, -2.0, 1.2)
 """From the sheet to the eye."""
+BESIDE = 0.1
+"""How far around a sheet its bodies are in sight, as a part of its diagonal."""
 SIGNED = 0.02
 """Values have both signs if those of the rarer one reach this part of the others."""
 
@@ -42,6 +46,15 @@ class Shape:
     """Warp and weft of each cell as they are now (cells, 2, 3)."""
     title: str = ""
     view: tuple[float, float, float] = VIEW
+    bodies: Sequence[tuple[Array, np.ndarray]] = ()
+    """Corners of each body now (n, 3), m, and its triangles (m, 3)."""
+
+    def in_sight(self) -> Array:
+        """Places that a picture has to show (n, 3): the sheet, at rest and now, and of bodies what is near to it."""
+        own = np.concatenate([self.points, self.points + self.moved])
+        low, high = own.min(axis=0), own.max(axis=0)
+        margin = BESIDE * np.linalg.norm(high - low)
+        return np.concatenate([own, *(np.clip(x, low - margin, high + margin) for x, _ in self.bodies)])
 
 
 def shape(u: fem.Function, values: Array, yarns: Array | None = None) -> Shape | None:
@@ -67,15 +80,18 @@ def picture(
     limits: tuple[float, float] | None = None,
     box: tuple[float, ...] | None = None,
     yarns: Array | None = None,
+    bodies: Sequence[Solid] = (),
 ) -> None:
     """Draw the deformed sheet, coloured by one value for each local cell, over its undeformed outline.
 
     To be called on every rank; rank 0 draws. `label` names the value with its unit. view: the direction
     from the middle of a sheet in space to the eye; z is up. limits: of the colours, and box: what to
     have in sight (x0, x1, y0, y1, z0, z1), both that of this picture unless given (for frames of a film).
-    yarns: as `sheet.Sheet.yarns` gives them, to be shown by arrows.
+    yarns: as `sheet.Sheet.yarns` gives them, to be shown by arrows. bodies: see `solids.drawn`.
     """
     shown = shape(u, cell_values, yarns)
+    if shown is not None:
+        shown.bodies = [(body.points, body.faces) for body in bodies]
     results.on_root(
         u.function_space.mesh.comm, lambda: draw(path, shown, label, title, view, limits, box) if shown else None
     )
@@ -124,7 +140,9 @@ def page(
     tips = np.zeros((0, 3))
     if shape.yarns is not None:
         tips = _arrows(plotter, shape, np.array(view if dim == 3 else (0.0, 0.0, 1.0)))
-    seen = np.concatenate([shape.points, shape.points + shape.moved, tips])
+    seen = np.concatenate([shape.in_sight(), tips])
+    for x, faces in shape.bodies:
+        solids.add(plotter, x, faces)
     low_corner, high_corner = seen.min(axis=0), seen.max(axis=0)
     width, height = (high_corner - low_corner)[:2]
     pixel = max(width / 1100, height / 800) if dim == 2 else None
@@ -138,7 +156,10 @@ def page(
         plotter.add_mesh(outline, color="black", line_width=2)
     # edges are those of the curved cells themselves, and thin: a dense mesh must not hide the colours
     lines = deformed.extract_all_edges()
-    deformed = deformed.extract_surface(nonlinear_subdivision=3, algorithm="dataset_surface")
+    if shape.bodies and shape.kinds[0] == 9:
+        deformed = solids.as_touched(deformed)
+    else:
+        deformed = deformed.extract_surface(nonlinear_subdivision=3, algorithm="dataset_surface")
     plotter.add_mesh(lines, color="black", line_width=1, opacity=0.25)
     rim = deformed.extract_feature_edges(feature_edges=False, manifold_edges=False)
     if rim.n_points:

@@ -13,9 +13,10 @@ from ..laws import Array
 from ..solvers import checkpoint
 from ..solvers.continuation import Step
 from . import pictures, results
-from .fields import Fields
+from .fields import PRESSURE, Fields
 from .series import Series
-from .showing import Shown
+from .showing import Shown, Touching
+from .solids import drawn
 
 
 class Recorder:
@@ -36,6 +37,8 @@ class Recorder:
         probes: of a step, the first columns of its row: names with units -> numbers, the same on every rank. Of a
             run that is kept by checkpoints the first of all is the time of a motion, else the number of the step.
         title: of pictures; when: of a step, what follows the title.
+        touch: contact of the sheet: columns of its `row` follow the probes, its pressure is among the fields, and its
+            bodies are drawn and written to bodies.pvd.
         colour: of pictures, of `series.LABELS`; view: from the sheet to the eye.
         run: a motion, or a `marching.March`, to be kept by checkpoints each `save_s` seconds; marks: what they must
             have been made with, see `checkpoint.save`.
@@ -55,6 +58,7 @@ class Recorder:
         *,
         title: str = "",
         when: Callable[[Step], str] = lambda step: f"t = {step.load:.4g} s",
+        touch: Touching | None = None,
         colour: str = "yarn",
         view: tuple[float, float, float] = pictures.VIEW,
         run: Any = None,
@@ -66,6 +70,7 @@ class Recorder:
         save_s: float = checkpoint.EVERY,
     ) -> None:
         self.sheet, self.folder, self._probes = sheet, None if folder is None else Path(folder), probes
+        self._touch = touch
         self._title, self._when, self._colour, self._picture = title, when, colour, picture
         self._run, self._marks, self._film, self._every = run, marks, film, every
         u = sheet.displacement()
@@ -110,16 +115,22 @@ class Recorder:
             results.on_root(self._comm, self._forget)
         self._goes_on, ledger = True, getattr(self._run, "ledger", None)
         self.table.row(
-            **self._probes(step), **more, newton_iterations=step.newton_iterations, step_cuts=step.step_cuts,
-            **(ledger.row() if ledger else {}), wall_s=step.wall_s,
+            **self._probes(step), **self._pressed(ledger), **more, newton_iterations=step.newton_iterations,
+            step_cuts=step.step_cuts, **(ledger.row() if ledger else {}), wall_s=step.wall_s,
         )  # fmt: skip
         if self._fields is not None and step.number % self._every == 0:
             self.sheet.displacement()  # brings it up to date
-            self._fields.write(
-                self._at(step), ", ".join(filter(None, (self._title, self._when(step)))), **cell_values(self.sheet)
-            )
+            title = ", ".join(filter(None, (self._title, self._when(step))))
+            nodes = {} if self._touch is None else {PRESSURE: self._touch.pressure()}
+            self._fields.write(self._at(step), title, nodes, drawn(self._touch), **cell_values(self.sheet))
             self._numbers.append(step.number)
         return self.table.rows[-1]
+
+    def _pressed(self, ledger: Any) -> dict[str, float]:
+        """Columns of contact; friction's loss is among those of a ledger, if there is one."""
+        if self._touch is None:
+            return {}
+        return self._touch.row() | ({} if ledger else {"friction_J": self._touch.lost()})
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None

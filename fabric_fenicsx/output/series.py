@@ -17,12 +17,13 @@ LABELS = {
     "warp": "warp strain E11 (-)",
     "weft": "weft strain E22 (-)",
     "shear": "shear strain 2 E12 (-)",
+    "pressure": "contact pressure (Pa)",
 }
 """What a sheet can be coloured by, and how it is labelled."""
 
 
 def coloured(strain: Array, colour: str) -> Array:
-    """One value for each cell from its strains (cells, 3 or more); colour: of `LABELS`."""
+    """One value for each cell from its strains (cells, 3 or more); colour: of `LABELS`, one of strain."""
     if colour == "yarn":
         return np.asarray(strain[:, :2].max(axis=1))
     return np.asarray(strain[:, ("warp", "weft", "shear").index(colour)])
@@ -93,7 +94,7 @@ class Series:
                 left_out.append(number)
         if not shapes:
             raise InputError(f"None of the {len(self.files)} steps in {str(self.files[0].parent)!r} can be read.")
-        places = np.concatenate([shape.points + shape.moved for shape in shapes])
+        places = np.concatenate([shape.in_sight() for shape in shapes])
         box = tuple(np.column_stack([places.min(axis=0), places.max(axis=0)]).ravel())
         limits = min(s.values.min() for s in shapes), max(s.values.max() for s in shapes)
         pages = [pictures.page(s, LABELS[colour], s.title, view or s.view, limits, box) for s in shapes]
@@ -145,13 +146,32 @@ def _read(file: Path, colour: str) -> pictures.Shape:
         (x, y, z), dim = grid.field_data["view"].ravel(), int(grid.field_data["dim"].ravel()[0])
         strain, both = grid.cell_data["strain"], [grid.cell_data[name] for name in ("warp", "weft")]
         moved = grid.point_data["displacement_m"]
+        pressure = grid.point_data.get(fields.PRESSURE) if colour == "pressure" else None
     except (ValueError, KeyError, IndexError) as error:
         raise InputError(f"The step in {str(file)!r} cannot be read ({_reason(error)}).") from error
-    values = coloured(np.asarray(strain).astype(float), colour)
+    if colour != "pressure":
+        values = coloured(np.asarray(strain).astype(float), colour)
+    elif pressure is None:
+        raise InputError(f"The step in {str(file)!r} has no pressure, as nothing can touch; choose another colour.")
+    else:
+        nodes = grid.cells.reshape(grid.n_cells, -1)[:, 1:]
+        values = np.asarray(pressure).astype(float)[nodes].mean(axis=1)
     return pictures.Shape(
         dim, grid.cells, grid.celltypes, np.asarray(grid.points).astype(float), np.asarray(moved), values,
         np.stack(both, axis=1).astype(float), title, (float(x), float(y), float(z)),
+        _bodies(file.parent.parent / "bodies" / file.name),
     )  # fmt: skip
+
+
+def _bodies(file: Path) -> list[tuple[Array, np.ndarray]]:
+    """Corners and triangles of all bodies beside a step; none where there are none. InputError as `_read`."""
+    if not file.exists():
+        return []
+    try:
+        grid = _grid(file)
+    except ValueError as error:
+        raise InputError(f"The bodies in {str(file)!r} cannot be read ({_reason(error)}).") from error
+    return [(np.asarray(grid.points).astype(float), grid.cells.reshape(-1, 4)[:, 1:])]
 
 
 def _grid(file: Path) -> Any:

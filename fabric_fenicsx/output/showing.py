@@ -41,6 +41,29 @@ class Shown(Protocol):
         ...
 
 
+class Touching(Protocol):
+    """What `recording.Recorder` asks of the contact of a sheet, a `contact.contact.Contact`; on every rank."""
+
+    bodies: list[Any]
+    """Each with a `name` and triangles, `faces`."""
+
+    def row(self) -> dict[str, float]:
+        """Columns of a history."""
+        ...
+
+    def lost(self) -> float:
+        """Energy that friction has taken, J."""
+        ...
+
+    def pressure(self, body: Any = None) -> Array:
+        """At the nodes of the sheet, as the ranks number them, or at a body's corners, Pa."""
+        ...
+
+    def places(self, body: Any) -> Array:
+        """Where the corners of a body are now, m."""
+        ...
+
+
 @dataclass
 class Plain:
     """A sheet that was put together by hand. thickness in m: of a shell's law, 1 of others."""

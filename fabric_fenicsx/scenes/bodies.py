@@ -17,7 +17,7 @@ from ..entries import Table
 from ..sheet import Sheet
 from . import shipped
 from .sheet_reading import Vector
-from .support_reading import AXES, Course, move, whole_course
+from .support_reading import Course, move, whole_course
 
 if TYPE_CHECKING:
     from ..contact.bodies import Body
@@ -29,6 +29,7 @@ KINDS = {
     "cylinder": ("radius_m length_m", "centre_m axis cells"),
     "capsule": ("radius_m length_m", "centre_m axis cells"),
     "box": ("size_m", "centre_m orientation_deg cells"),
+    "ring": ("radius_m wire_m", "centre_m axis cells"),
     "surface": ("file", "numbers scale merge"),
     "frames": ("frames", "rate_per_s scale"),
 }
@@ -36,7 +37,7 @@ KINDS = {
 MOVE = {kind: "shift_m turn_deg about_m path" for kind in KINDS} | {"plane": "shift_m path", "frames": "path"}
 
 
-type Options = dict[str, float | bool]
+type Options = dict[str, float | bool | Vector]
 """Those of `contact.Contact` that the scene gives, in SI units."""
 
 
@@ -90,7 +91,7 @@ def _option(table: Table, key: str, kind: str, folder: Path) -> tuple[str, Any]:
     if key == "orientation_deg":
         return "turn", tuple(math.radians(angle) for angle in table.numbers(key, 3))
     name = key.removesuffix("_m").removesuffix("_per_s")
-    if name in ("radius", "length", "scale", "merge", "rate") or (name == "size" and kind == "plane"):
+    if name in ("radius", "length", "wire", "scale", "merge", "rate") or (name == "size" and kind == "plane"):
         return name, table.positive(key)
     numbers = table.numbers(key, 3)
     if name in ("normal", "axis") and not any(numbers):
@@ -109,16 +110,26 @@ def contact(file: Table) -> Options | None:
     lengths |= {"slip_m_per_s": "slip", "creep_m": "creep"}
     table.expect("", f"friction static_friction itself {' '.join(lengths)}")
     options: Options = {name: table.positive(key) for key, name in lengths.items() if key in table.entries}
-    friction = table.real("friction", 0.0)
-    if friction < 0.0:
-        table.refuse("friction", "is negative", "give a coefficient of 0 or more")
-    static = table.real("static_friction", friction)
-    if static < friction:
-        table.refuse("static_friction", f"is less than the friction of sliding, {friction:g}", "give at least that")
+    friction = _coefficients(table, "friction", 0.0)
+    static = _coefficients(table, "static_friction", friction)
+    if (np.array(static) < friction).any():
+        said = f"{friction:g}" if isinstance(friction, float) else f"{list(friction)}"
+        table.refuse("static_friction", f"is less than the friction of sliding, {said}", "give at least that")
     itself = table.yes("itself", True)
     if not itself and "body" not in file.entries:
         table.refuse("itself", "leaves nothing to touch", "add a [[body]], or leave [contact] out")
     return options | {"friction": friction, "static": static, "itself": itself}
+
+
+def _coefficients(table: Table, key: str, default: float | Vector) -> float | Vector:
+    """A coefficient of friction, or two, along warp and weft."""
+    found = default
+    if key in table.entries:
+        told = table.entries[key]
+        found = table.numbers(key, 2) if isinstance(told, list) else table.number(key, told)
+    if np.min(found) < 0.0:
+        table.refuse(key, "is negative", "give a coefficient of 0 or more")
+    return found
 
 
 def led(solid: Solid) -> tuple[Body, Callable[[float], None]]:
@@ -141,12 +152,3 @@ def touching(cloth: Sheet, bodies: list[Body], options: Options | None) -> Conta
     from ..contact.contact import Contact
 
     return Contact(cloth, bodies, **options)  # type: ignore[arg-type]
-
-
-def pressed(touch: Contact) -> dict[str, float]:
-    """Columns of a history: the least gap, and force and moment about the origin of the sheet on each body."""
-    row = {"least_gap_m": touch.least_gap()}
-    for body in touch.bodies:
-        for unit, values in (("N", touch.force(body)), ("Nm", touch.moment(body))):
-            row |= {f"{body.name}_{axis}_{unit}": float(value) for axis, value in zip(AXES, values, strict=True)}
-    return row

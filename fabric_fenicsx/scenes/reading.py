@@ -47,8 +47,9 @@ Every key, with its default where it has one:
     name = "ball"                               # columns ball_x_N, ball_x_Nm, ...: of the sheet on it, about the origin
     kind = "sphere"                             # plane: normal, point_m, size_m (as it is drawn), the space behind it;
     radius_m = 0.3                              # cylinder, capsule: radius_m, length_m (of a capsule without its ends),
-    centre_m = [1, 1, -0.4]                     # centre_m, axis; box: size_m, centre_m, orientation_deg; surface: file,
-    cells = 12                                  # numbers, scale, merge, as of [mesh]. cells: along a quarter of round
+    centre_m = [1, 1, -0.4]                     # centre_m, axis; ring: radius_m, wire_m, centre_m, axis; box: size_m,
+                                                # centre_m, orientation_deg; surface: file, numbers, scale, merge, as of
+    cells = 12                                  # [mesh]. cells: along a quarter of round
     shift_m = [0, 0, 0.1]                       # ones, along a side of a box. It stays, or is led: shift_m, turn_deg,
     path = [[0, 0], [1, 1]]                     # about_m, path as of a grip; a plane is not turned, a box can be
                                                 # frames, a body that deforms: frames, an .npz of arrays frames (frames,
@@ -56,8 +57,8 @@ Every key, with its default where it has one:
                                                 # rate_per_s; scale; path: how much of its time, else the motion's
 
     [contact]                                   # may be left out where there is a body
-    friction = 0.0                              # coefficient, of sliding; of sticking:
-    static_friction = 0.0                       # by default the same
+    friction = 0.0                              # coefficient of sliding, or two: [0.3, 0.2], along warp and weft;
+    static_friction = 0.0                       # of sticking, by default the same
     itself = true                               # whether the sheet touches itself; else it goes through itself
     offset_m = 0.5e-3                           # always stays between surfaces; the largest thickness if left out
     reach_m = 2.5e-3                            # beyond it surfaces push; five thicknesses, at most a tenth of an edge
@@ -82,7 +83,8 @@ Every key, with its default where it has one:
     axis = "z"
 
     [output]
-    colour = "yarn"                             # the strain in pictures: warp, weft, shear, or the larger yarn strain
+    colour = "yarn"                             # the strain in pictures: warp, weft, shear, or the larger yarn strain;
+                                                # or the pressure of contact
     view = [1, -2, 1.2]                         # from the sheet to the eye
     animation = false
     checkpoint_s = 60                           # seconds of the clock between two checkpoints, for --resume
@@ -187,6 +189,9 @@ def read(path: str | Path, *, trust: bool = False) -> Scene:
             table.refuse("name", "is also a place of a support, and both have columns in the history", "change it")
     output = file.table("output") if "output" in file.entries else Table(file.file, "output.", {})
     output.expect("", "colour view animation checkpoint_s")
+    colour, touches = output.choice("colour", tuple(LABELS)), contact(file)
+    if colour == "pressure" and touches is None:
+        output.refuse("colour", "is of contact, and there is none", "add a [[body]], or choose a strain")
     checkpoint = output.real("checkpoint_s", 60.0)
     if checkpoint < 0.0:
         output.refuse("checkpoint_s", "is negative", "give the seconds between two checkpoints, 0 for one a step")
@@ -211,7 +216,7 @@ def read(path: str | Path, *, trust: bool = False) -> Scene:
         loads=tuple(support_reading.load(table, dynamic) for table in file.tables("load")),
         probes=probes,
         bodies=bodies,
-        contact=contact(file),
+        contact=touches,
         dynamic=dynamic,
         turns=how.numbers("turns") if "turns" in how.entries else (1.0,),
         steps=how.count("steps", 10),
@@ -220,7 +225,7 @@ def read(path: str | Path, *, trust: bool = False) -> Scene:
         step=how.positive("step_ms", 5.0) * 1e-3,
         rho=rho,
         damping=damping,
-        colour=output.choice("colour", tuple(LABELS)),
+        colour=colour,
         view=(view[0], view[1], view[2]),
         animation=output.yes("animation"),
         checkpoint=checkpoint,

@@ -11,7 +11,6 @@ from ..output.recording import Recorder
 from ..solvers.continuation import Step
 from ..solvers.marching import March
 from ..terms import supports
-from .bodies import pressed
 from .building import Built, build
 from .marks import marks
 from .reading import Scene
@@ -40,11 +39,11 @@ def run(scene: Scene, out: Path, progress: bool = True, resume: Path | bool | No
             row |= {f"{at}_{AXES[k]}_N": solver.reaction(unknowns[k]) for k in range(3)}
             moment = solver.reaction_moment(everything[at])
             row |= {f"{at}_{AXES[k]}_Nm": moment[k] for k in range(3)}
-        return row if built.touch is None else row | pressed(built.touch)
+        return row
 
     with Recorder(
         cloth, out, probes, title=scene.title, when=_time if scene.dynamic else _load, colour=scene.colour,
-        view=scene.view, run=going, marks=marks(built), resume=resume, film=scene.animation,
+        view=scene.view, run=going, touch=built.touch, marks=marks(built), resume=resume, film=scene.animation,
         save_s=scene.checkpoint,
     ) as record:  # fmt: skip
         ended = going.time >= scene.end * (1 - 1e-12) if scene.dynamic else going.ended

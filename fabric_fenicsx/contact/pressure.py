@@ -1,0 +1,40 @@
+"""How hard surfaces press on each other, as a pressure at their corners."""
+
+import numpy as np
+
+from ..laws import Array
+from .collisions import Collisions
+
+
+def pressures(near: Collisions) -> Array:
+    """Of all corners of a sheet and of bodies, in the order of `Collisions.x`, Pa; without friction.
+
+    It is the size of the forces on a corner, of all pairs, over the area that belongs to it now. What presses from both
+    sides, as in a stack, counts once: by the side that is pressed harder. That of a body with triangles much larger
+    than what touches them is a mean over these triangles; planes have none.
+    """
+    x, faces = near.x, near.faces
+    across = np.cross(x[faces[:, 1]] - x[faces[:, 0]], x[faces[:, 2]] - x[faces[:, 0]])
+    normals = np.zeros_like(x)
+    np.add.at(normals, faces, across[:, None])
+    area = np.bincount(faces.ravel(), np.repeat(np.linalg.norm(across, axis=1) / 6, 3), minlength=len(x))
+    sides = np.zeros((2, len(x)))
+    for nodes, force in [*_of_pairs(near), *_of_planes(near)]:
+        side = (np.einsum("ij,ij->i", force, normals[nodes]) > 0.0).astype(int)
+        np.add.at(sides, (side, nodes), np.linalg.norm(force, axis=1))
+    return np.asarray(sides.max(axis=0) / area)
+
+
+def _of_pairs(near: Collisions) -> list[tuple[np.ndarray, Array]]:
+    found = []
+    for k in range(len(near.set)):
+        pair = near.set[k]
+        nodes = np.array(pair.vertex_ids(near.edges, near.faces)[: pair.num_vertices()])
+        push = near.barrier.gradient(pair, pair.dof(near.x, near.edges, near.faces))
+        found.append((nodes, push.reshape(-1, 3)))
+    return found
+
+
+def _of_planes(near: Collisions) -> list[tuple[np.ndarray, Array]]:
+    every = np.arange(near.count)
+    return [(every, near.planes.forces(k, near.nodes, shift)) for k, shift in enumerate(near.shifts)]
