@@ -33,12 +33,13 @@ FLOORS = [
         ]
     },
     {"shell": [{"rotation", "dirichlet", "bodies"}, {"kinematics"}, {"directors"}, {"assumed_strain"}]},
-    {"terms": [{"supports", "term", "points", "weakform", "kernels"}, {"hook"}, {"work", "form"}]},
+    {"terms": [{"supports", "term", "points", "weakform", "kernels"}, {"hook", "extra"}, {"work", "form"}]},
     {
         "solvers": [
             {"held"},
             {"linear", "continuation", "checkpoint", "reactions", "tangent", "failures"},
             {"marching", "motion", "pivots", "leading"},
+            {"unknowns"},
             {"statics"},
             {"descent"},
             {"step", "stable_step", "stepper"},
@@ -52,8 +53,8 @@ FLOORS = [
     {
         "contact": [
             {"bodies", "skin"},
-            {"coefficients"},
-            {"planes", "deforming"},
+            {"coefficients", "free_body"},
+            {"planes", "deforming", "free_bodies"},
             {"collisions"},
             {"surroundings", "pressure"},
             {"pairs"},

@@ -6,6 +6,7 @@ costs little where the sheet does not touch it.
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import Any, Literal, Self
 
 import numpy as np
 from mpi4py import MPI
@@ -19,14 +20,20 @@ type Vector = Sequence[float]
 
 
 class Body:
-    """A surface of triangles, open or closed, that does not move unless it is led.
+    """A surface of triangles, open or closed, that does not move unless it is led, or is `free`.
 
-    Public: `rest`, its corners (n, 3) in m, and `faces` (m, 3); `target`, where its corners are led to.
+    Public: `rest`, its corners (n, 3) in m, and `faces` (m, 3); `target`, where its corners are led to, or have got
+    to; `mass` and what else `free` sets.
 
     Args:
         rest, faces: see above.
         name: by which results call it.
     """
+
+    mass: float | None = None
+    inertia: Array | None = None
+    velocity: Vector = (0, 0, 0)
+    spin: Vector = (0, 0, 0)
 
     def __init__(self, rest: Array, faces: np.ndarray, name: str) -> None:
         self.rest, self.faces, self.name = np.array(rest, dtype=float), np.array(faces, dtype=np.int32), name
@@ -34,16 +41,57 @@ class Body:
             raise InputError(f"The body {name!r} is not a surface of triangles with finite corners.")
         self.target = self.rest.copy()
 
+    def free(
+        self,
+        mass: float,
+        *,
+        inertia: Literal["solid"] | Sequence[float] | Array | None = None,
+        velocity: Vector = (0, 0, 0),
+        spin: Vector = (0, 0, 0),
+    ) -> Self:
+        """Let it move as the sheet and its weight have it; itself. It touches the sheet alone, no other body.
+
+        Args:
+            mass: kg.
+            inertia: None: it does not turn. Else its moments of inertia, kg m2, about axes along x, y and z through its
+                middle, or their matrix; or those of a body that is filled evenly.
+            velocity, spin: at the start, m/s and rad/s.
+        """
+        _positive(self.name, mass=mass)
+        self.mass, self.middle, solid = mass, *_filled(self.rest, self.faces)
+        if inertia is not None:
+            solid = mass * solid if isinstance(inertia, str) else np.array(inertia, dtype=float)
+            self.inertia = np.diag(solid) if solid.shape == (3,) else solid
+            whole = self.inertia.shape == (3, 3) and np.isfinite(self.inertia).all()
+            if not whole or 2 * np.linalg.eigvalsh(self.inertia).max() > np.trace(self.inertia) * (1 + 1e-9) + 1e-300:
+                raise InputError(
+                    f"The body {self.name!r} has inertia = {inertia!r}, which is no body's: give three moments in "
+                    "kg m2, none larger than the other two together, or 'solid'."
+                )
+        self.velocity, self.spin = velocity, spin
+        if not np.isfinite([*velocity, *spin]).all() or (np.any(spin) and self.inertia is None):
+            raise InputError(
+                f"The body {self.name!r} has velocity = {tuple(velocity)!r} and spin = {tuple(spin)!r}: give finite "
+                "numbers, and an inertia to what spins."
+            )
+        return self
+
     def move(self, shift: Vector = (0, 0, 0), turn: Vector = (0, 0, 0), centre: Vector = (0, 0, 0)) -> None:
         """Lead it as one rigid body: a shift in m after a turn about `centre`, see `supports.grip`; from the start."""
+        self._ledable()
         R, c = Rotation.from_rotvec(np.array(turn, dtype=float)).as_matrix(), np.array(centre, dtype=float)
         self.target = (self.rest - c) @ R.T + c + np.array(shift, dtype=float)
 
     def deform(self, places: Array) -> None:
         """Lead its corners to these places (n, 3), m."""
+        self._ledable()
         if np.shape(places) != self.rest.shape or not np.isfinite(places).all():
             raise InputError(f"The body {self.name!r} has {len(self.rest)} corners; each needs a finite place.")
         self.target = np.array(places, dtype=float)
+
+    def _ledable(self) -> None:
+        if self.mass is not None:
+            raise InputError(f"The body {self.name!r} has mass and moves freely; leave the mass out to lead it.")
 
 
 class Plane(Body):
@@ -59,6 +107,10 @@ class Plane(Body):
         across = np.linalg.svd(self.normal[None])[2][1:]
         corners = self.point + size / 2 * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) @ across
         super().__init__(corners, np.array([[0, 1, 2], [0, 2, 3]]), name)
+
+    def free(self, mass: float, **motion: Any) -> Self:
+        """None has an end, and so none moves freely."""
+        raise InputError(f"The plane {self.name!r} cannot have mass; take a box.")
 
     def move(self, shift: Vector = (0, 0, 0), turn: Vector = (0, 0, 0), centre: Vector = (0, 0, 0)) -> None:
         """Lead it by a shift in m."""
@@ -160,6 +212,25 @@ class Surface(Body):
             cells = np.concatenate([cells[:, [0, 1, 3]], cells[:, [0, 3, 2]]])
         used, faces = np.unique(cells[:, :3], return_inverse=True)
         super().__init__(mesh.geometry.x[used], faces.reshape(-1, 3), name or Path(path).stem)
+
+
+def _filled(x: Array, faces: np.ndarray) -> tuple[Array, Array]:
+    """Middle, and inertia about it (3, 3) for a mass of 1, of what a closed surface holds; of an open one, itself."""
+    corners = x[faces]
+    about = corners.mean(axis=(0, 1))
+    a, b, c = (corners - about).transpose(1, 0, 2)
+    volume = np.einsum("ni,ni->n", a, np.cross(b, c)) / 6
+    ends = np.stack([np.zeros_like(a), a, b, c], axis=1)
+    edges = np.sort(faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
+    if (np.unique(edges, axis=0, return_counts=True)[1] != 2).any() or abs(volume.sum()) < 1e-300:
+        volume, ends = np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2, ends[:, 1:]
+    parts, n = volume / volume.sum(), ends.shape[1]
+    middle = parts @ ends.mean(axis=1)
+    # of a simplex of unit mass: sum of its ends' squares, and the square of their sum, over n (n + 1)
+    total = ends.sum(axis=1)
+    square = np.einsum("n,nki,nkj->ij", parts, ends, ends) + np.einsum("n,ni,nj->ij", parts, total, total)
+    square = square / (n * (n + 1)) - np.outer(middle, middle)
+    return about + middle, np.trace(square) * np.eye(3) - square
 
 
 def _unit(vector: Vector, name: str) -> Array:

@@ -12,6 +12,7 @@ from .barrier import Barrier
 from .bodies import Body, Plane
 from .coefficients import Coefficients, Directions
 from .collisions import Collisions
+from .free_bodies import FreeBodies
 from .friction import Friction
 from .pressure import pressures
 from .skin import Skin
@@ -28,8 +29,8 @@ class Contact:
         run, ledger = cloth.newmark(mass, bcs, [weight, *touch.terms])
 
     To be made on every rank, with the sheet where it starts. Raises InputError, on every rank, where it crosses
-    something there. Public: `terms`, for a solver; `bodies`, `offset`, `reach`; `rest`, places of the
-    sheet's nodes at rest (n, 3), in the order of the ranks that own them.
+    something there. Public: `terms`, for a solver; `bodies`, `offset`, `reach`; `free`, those of the bodies that
+    have mass; `rest`, places of the sheet's nodes at rest (n, 3), in the order of the ranks that own them.
 
     Args:
         friction: coefficient of sliding, or two, along warp and weft; static: of sticking, by default the same.
@@ -41,6 +42,7 @@ class Contact:
         stiffness: pressure (Pa) at about half the reach. The force has no limit below that, so that it only decides how
             near things get: areal mass times speed squared over reach suits an impact.
         slip: m/s, creep: m, see `friction`.
+        gravity: acceleration of free bodies by their weight, m/s2.
     """
 
     def __init__(
@@ -56,6 +58,7 @@ class Contact:
         stiffness: float = STIFFNESS,
         slip: float = 1e-3,
         creep: float = 2e-5,
+        gravity: Sequence[float] = (0.0, 0.0, 0.0),
     ) -> None:
         self.bodies, skin = list(bodies), Skin(sheet)
         self.rest = skin.rest
@@ -81,7 +84,12 @@ class Contact:
                 f"and one is {edge:.3g} m long: take larger cells, a smaller offset or reach, or itself=False."
             )
         near = Collisions(skin.rest, skin.faces, bodies, itself, self.offset, self.reach, stiffness)
-        self._around = around = Surroundings(skin, self.bodies, near)
+        solid = [body for body in self.bodies if not isinstance(body, Plane)]
+        self.free = None
+        if any(body.mass is not None for body in solid):
+            starts = [start - len(skin.rest) for start in near.starts[:-1]]
+            self.free = FreeBodies(skin, solid, starts, gravity)
+        self._around = around = Surroundings(skin, self.bodies, near, self.free)
         if near.crossed() or near.least_gap() <= 0.0:
             raise InputError(
                 f"The sheet starts across a body or itself, or nearer than the offset of {self.offset:.3g} m; "
@@ -93,7 +101,7 @@ class Contact:
             differ = np.ptp(kinetic) > 0.0 or np.ptp(most) > 0.0
             coefficients = Coefficients(most, kinetic, Directions(sheet, skin) if differ else None)
             self._friction = [Friction(around, coefficients, slip, creep)]
-        self.terms: list[Term] = [*self._friction, self._barrier]
+        self.terms: list[Term] = [*self._friction, self._barrier, *([self.free] if self.free else [])]
 
     # -- what a user wants to know of the present state ------------------------------------------------------------
 

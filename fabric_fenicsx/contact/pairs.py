@@ -6,6 +6,7 @@ import numpy as np
 
 from ..laws import Array
 from ..terms.term import Indices, Term
+from .free_bodies import FreeBodies
 from .skin import Skin
 from .surroundings import Surroundings
 
@@ -17,18 +18,28 @@ class Scatter:
     """From matrices of all corners to entries between unknowns of the sheet.
 
     There is room for those within its triangles, for all that bodies do, and for pairs that have touched of late.
+    Unknowns of free bodies count as corners after the sheet's, three in each.
     """
 
-    def __init__(self, skin: Skin) -> None:
-        self._skin, self._n = skin, len(skin.rest)
+    def __init__(self, skin: Skin, free: FreeBodies | None = None) -> None:
+        extra = np.empty((0, 3), dtype=np.int64) if free is None else free.unknowns
+        self._skin, n = skin, len(skin.rest)
+        self._unknowns, self._n = np.concatenate([skin.unknowns, extra]), n + len(extra)
         i, j = np.meshgrid(range(3), range(3), indexing="ij")
-        within = skin.faces[:, i.ravel()].ravel(), skin.faces[:, j.ravel()].ravel()
-        self._within = self.keys = self._own(*within)
+        every, beyond = np.arange(self._n), np.arange(n, self._n)
+        first, second = (part.ravel() for part in np.meshgrid(every, beyond, indexing="ij"))
+        pairs = (skin.faces[:, i.ravel()].ravel(), first, second), (skin.faces[:, j.ravel()].ravel(), second, first)
+        self._within = self.keys = self._own(*(np.concatenate(part) for part in pairs))
         self._before = self.keys[:0]
+
+    def _here(self, i: np.ndarray) -> np.ndarray:
+        """Whether this rank has their rows."""
+        mine = self._skin.mine
+        return ((i >= mine.start) & (i < mine.stop)) | (self._skin.last & (i >= len(self._skin.rest)))
 
     def _own(self, i: np.ndarray, j: np.ndarray) -> np.ndarray:
         """Pairs of corners, the first of this rank, as one sorted number each."""
-        own = (i >= self._skin.mine.start) & (i < self._skin.mine.stop)
+        own = self._here(i)
         return np.unique(i[own].astype(np.int64) * self._n + j[own])
 
     def entries(self, matrix: Any) -> Entries | None:
@@ -37,7 +48,7 @@ class Scatter:
             return None
         i, a = np.divmod(matrix.row, 3)
         j, b = np.divmod(matrix.col, 3)
-        own = (i >= self._skin.mine.start) & (i < self._skin.mine.stop) & (j < self._n)
+        own = self._here(i) & (i < self._n) & (j < self._n)
         return i[own].astype(np.int64) * self._n + j[own], 3 * a[own] + b[own], matrix.data[own]
 
     def covers(self, found: Entries | None) -> bool:
@@ -54,7 +65,7 @@ class Scatter:
             self.keys = np.unique(np.concatenate([self._within, self._before, now]))
             self._before = now
         i, j = np.divmod(self.keys, self._n)
-        rows, columns = self._skin.unknowns[i], self._skin.unknowns[j]
+        rows, columns = self._unknowns[i], self._unknowns[j]
         return np.repeat(rows, 3, axis=1).ravel(), np.tile(columns, (1, 3)).ravel()
 
     def add(self, found: Entries | None, values: Array) -> None:
@@ -74,7 +85,7 @@ class PairTerm(Term):
     has_kinks = True
 
     def __init__(self, around: Surroundings) -> None:
-        self._around, self._skin, self._scatter = around, around.skin, Scatter(around.skin)
+        self._around, self._skin, self._scatter = around, around.skin, Scatter(around.skin, around.free)
         self._first = self._skin.mine.start == 0 and self._skin.mine.stop > 0
         self._found: Entries | None = None
         self._supplied = 0.0
@@ -87,7 +98,10 @@ class PairTerm(Term):
 
     def _entries(self) -> Entries | None:
         if self._found is None:
-            self._found = self._scatter.entries(self._matrix())
+            matrix, free = self._matrix(), self._around.free
+            if free is not None and matrix is not None:
+                matrix = free.reduced(matrix, self._forces())
+            self._found = self._scatter.entries(matrix)
         return self._found
 
     def evaluate(self, tangent: bool = True, stiffest: bool = False) -> bool:
@@ -98,6 +112,11 @@ class PairTerm(Term):
     def add_force(self, total: Array) -> None:
         """See `Term.add_force`."""
         total[self._skin.local] += self._forces()[self._skin.mine]
+
+    def add_extra_force(self, total: Array) -> None:
+        """See `Term.add_extra_force`."""
+        if self._around.free is not None:
+            total += self._around.free.pulled(self._forces()[self._around.collisions.count :])
 
     @property
     def pattern_changed(self) -> bool:  # type: ignore[override]
@@ -114,8 +133,10 @@ class PairTerm(Term):
 
     def _step_work(self) -> float:
         """Of what leads the bodies, since the last commit, J on this rank."""
+        if not self._first:
+            return 0.0
         around, count = self._around, self._around.collisions.count
-        return float(np.sum((self._forces() * (around.collisions.x - around.x0))[count:])) if self._first else 0.0
+        return float(np.sum((self._forces() * (around.collisions.x - around.x0))[count:][around.driven]))
 
     def supplied(self) -> float:
         """See `Term.supplied`."""

@@ -19,7 +19,8 @@ class Skin:
     """The nodes of a sheet's displacement, in the order of the ranks that own them, and the triangles between them.
 
     Public: `rest` (n, 3), places at the start in m, and `faces` (m, 3); `mine`, the slice of this rank's own nodes;
-    `local` (own, 3), their unknowns in the local array of q, and `unknowns` (n, 3), the global numbers of all.
+    `local` (own, 3), their unknowns in the local array of q, and `unknowns` (n, 3), the global numbers of all;
+    `beyond`, the number after the last unknown of q, and `last`, whether this rank is the last one.
     """
 
     def __init__(self, sheet: Sheet) -> None:
@@ -40,6 +41,8 @@ class Skin:
         except KeyError:
             raise InputError(f"Contact does not know the surface of a {name} with {cells.shape[1]} nodes.") from None
         triangles = dofmap.index_map.local_to_global(cells[:, corners].ravel().astype(np.int32)).reshape(-1, 3)
+        self.beyond = V.dofmap.index_map.size_global * V.dofmap.index_map_bs
+        self.last = self._comm.rank == self._comm.size - 1
         blocks, components = np.divmod(self.local, V.dofmap.index_map_bs)
         rows = V.dofmap.index_map.local_to_global(blocks.ravel().astype(np.int32)).reshape(-1, 3)
         self._counts = 3 * np.array(self.comm.allgather(own))

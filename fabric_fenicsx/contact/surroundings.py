@@ -8,18 +8,24 @@ import numpy as np
 from ..laws import Array
 from .bodies import Body, Plane
 from .collisions import Collisions
+from .free_bodies import FreeBodies
 from .skin import Skin
 
 
 class Surroundings:
     """Sheet and bodies in their places, of the present and of the last commit.
 
-    Public: `skin`, `bodies`, `collisions`; `x0`, all places at the last commit (n, 3), and `shifts0` of the planes.
+    Public: `skin`, `bodies`, `collisions`, `free`; `x0`, all places at the last commit (n, 3), and `shifts0`
+    of the planes.
     """
 
-    def __init__(self, skin: Skin, bodies: list[Body], collisions: Collisions) -> None:
-        self.skin, self.bodies, self.collisions = skin, bodies, collisions
+    def __init__(self, skin: Skin, bodies: list[Body], collisions: Collisions, free: FreeBodies | None) -> None:
+        self.skin, self.bodies, self.collisions, self.free = skin, bodies, collisions, free
         self.led, self.shifts = self._targets()
+        self.driven = np.ones(len(self.led), dtype=bool)
+        """Corners of bodies that are led, or stay."""
+        for body in free.bodies if free else []:
+            self.driven[body.corners] = False
         self.place()
         self.x0, self.shifts0 = collisions.x.copy(), self.shifts.copy()
         self._before = self.x0, self.shifts0
@@ -27,28 +33,41 @@ class Surroundings:
     def _targets(self) -> tuple[Array, Array]:
         corners = [body.target for body in self.bodies if not isinstance(body, Plane)]
         shifts = [body.target[0] - body.rest[0] for body in self.bodies if isinstance(body, Plane)]
-        return np.concatenate([np.empty((0, 3)), *corners]), np.array(shifts).reshape(-1, 3)
+        every = np.concatenate([np.empty((0, 3)), *corners])
+        if self.free:
+            self.free.put(every)
+        return every, np.array(shifts).reshape(-1, 3)
+
+    def _places(self) -> Array:
+        if self.free:
+            self.free.put(self.led)
+        return np.concatenate([self.skin.places(), self.led])
 
     def place(self) -> bool:
         """Put the sheet where its unknowns are; False if that is nowhere."""
-        return self.collisions.place(np.concatenate([self.skin.places(), self.led]), self.shifts)
+        return self.collisions.place(self._places(), self.shifts)
 
     def free_part(self, change: Array) -> float:
-        """The part that is free of a change of q, a local array."""
-        x0 = np.concatenate([self.skin.places(), self.led])
-        x1 = x0.copy()
-        x1[: self.collisions.count] += self.skin.moved(change)
+        """The part that is free of a change of q, a local array, and of free bodies."""
+        x0, part = self._places(), 1.0
+        x1, count = x0.copy(), self.collisions.count
+        x1[:count] += self.skin.moved(change)
+        if self.free:
+            part = self.free.straight(self.collisions.offset)
+            self.free.after(x1[count:])
         if not np.isfinite(x1).all():
             return 1.0
-        return self.collisions.free_part(x0, x1, np.zeros_like(self.shifts))
+        return min(part, self.collisions.free_part(x0, x1, np.zeros_like(self.shifts)))
 
     def lead(self) -> bool:
         """Move the bodies towards their targets, as far as the sheet lets them; whether they are there."""
         led, shifts = self._targets()
+        if self.free:
+            self.free.put(self.led)
         if np.array_equal(led, self.led) and np.array_equal(shifts, self.shifts):
             return True
-        sheet = self.skin.places()
-        x0, x1 = np.concatenate([sheet, self.led]), np.concatenate([sheet, led])
+        x0 = self._places()
+        x1 = np.concatenate([x0[: self.collisions.count], led])
         part = self.collisions.free_part(x0, x1, shifts - self.shifts)
         if part == 1.0:
             self.led, self.shifts = led, shifts
@@ -75,6 +94,8 @@ class Surroundings:
 
     def restore(self) -> None:
         """Back to the last commit."""
+        if self.free:
+            self.free.restore()
         self.led, self.shifts = self.x0[self.collisions.count :].copy(), self.shifts0.copy()
 
     def renew(self) -> None:

@@ -24,14 +24,21 @@ def _cross(v: Array) -> Array:
     return np.cross(v[:, None, :], np.eye(3)).transpose(0, 2, 1)
 
 
+def _derivatives(factorials: list[float]) -> Array:
+    """Coefficients of the alternating series 1/f_0 - x/f_1 + ..., and of its first two derivatives, (3, 5)."""
+    series = np.polynomial.Polynomial((-1.0) ** np.arange(5) / np.array(factorials))
+    return np.array([np.pad(series.deriv(k).coef, (0, k)) for k in range(3)])
+
+
+SMALL = np.array(
+    [_derivatives(f) for f in ([1.0, 6.0, 120.0, 5040.0, 362880.0], [2.0, 24.0, 720.0, 40320.0, 3628800.0])]
+)
+
+
 def _series(x: float) -> Array:
     """sin t/t and (1 - cos t)/t^2 at x = t^2, with two derivatives by x each, (2, 3); by series where x is small."""
     if x < 0.04:
-        n = np.arange(5)
-        sine = (-1.0) ** n / np.array([1.0, 6.0, 120.0, 5040.0, 362880.0])
-        cosine = (-1.0) ** n / np.array([2.0, 24.0, 720.0, 40320.0, 3628800.0])
-        by_x = [np.polynomial.Polynomial(part) for part in (sine, cosine)]
-        return np.array([[part.deriv(k)(x) for k in range(3)] for part in by_x])
+        return np.array(SMALL @ x ** np.arange(5))
     t = np.sqrt(x)
     s, c = np.sin(t) / t, (1 - np.cos(t)) / x
     s1, c1 = (np.cos(t) - s) / (2 * x), (s / 2 - c) / x

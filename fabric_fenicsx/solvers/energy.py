@@ -21,6 +21,7 @@ from dolfinx.fem import petsc as fempetsc
 from petsc4py import PETSc
 
 from ..laws import Array
+from ..terms.extra import extra_force
 from ..terms.term import Term
 from .explicit import CentralDifference
 from .newmark import Newmark
@@ -62,7 +63,7 @@ class Ledger:
     def start(self) -> None:
         """Take the present state as the start: its kinetic and stored energy count as external work."""
         self.renew()
-        kinetic, stored = self.motion.kinetic(), self._sum(self._energies())
+        kinetic, stored = self._kinetic(), self._sum(self._energies())
         self.totals |= {"kinetic": kinetic, "recoverable": stored, "external": kinetic + stored}
 
     def weigh(self) -> float:
@@ -80,7 +81,7 @@ class Ledger:
         sums = self.comm.allreduce(
             np.array([*(0.5 * np.array(local)), *lost.values(), self._energies(), *sudden, supplied])
         )
-        t, kinetic = self.totals.copy(), self.motion.kinetic()
+        t, kinetic = self.totals.copy(), self._kinetic()
         inertia, met, touching, stored = sums[7:11]
         t["external"] += sums[0] + met + sums[11]
         t["by_damping"] += sums[1]
@@ -154,12 +155,21 @@ class Ledger:
         self._last = self._forces()
         self._stored = self._sum(self._of(self._impulsive))
 
+    def _kinetic(self) -> float:
+        """Of all that moves, J."""
+        return self.motion.kinetic() + (self._run.extra.kinetic() if self._run.extra else 0.0)
+
     def _sudden(self, dq: Array) -> tuple[float, ...]:
         """Of impulses on this rank, J: work of their inertia, at given unknowns, in all; what they store."""
-        motion = self.motion
+        motion, extra = self.motion, self._run.extra
         force = self._assembled(self._impulsive)
-        inertia = np.array(motion.by_mass(motion.jump).array_r) if motion.jump is not None else np.zeros_like(dq)
-        work = [inertia @ dq, (inertia + force)[self._given] @ dq[self._given], force @ dq, self._of(self._impulsive)]
+        inertia = np.array(motion.by_mass(motion.jump).array_r) if motion.jump is not None else np.zeros_like(force)
+        met = (inertia + force)[self._given] @ dq[self._given]
+        touching = force @ dq[: len(force)]
+        if extra and self.comm.rank == 0:
+            inertia = np.concatenate([inertia, extra.jump()])
+            touching += extra_force(self._impulsive, extra.count) @ extra.values
+        work = [inertia @ dq, met, touching, self._of(self._impulsive)]
         return tuple(map(float, work))
 
     def _of(self, terms: Iterable[Term]) -> float:
@@ -192,4 +202,9 @@ class Ledger:
             reaction = reaction - self._assembled(self._impulsive)[self._given]
             if motion.jump is not None:
                 reaction -= motion.by_mass(motion.jump).array_r[self._given]
-        return motion.q.x.array[: len(inertia)].copy(), external, damping, inertia, reaction, lag
+        q = motion.q.x.array[: len(inertia)].copy()
+        if self._run.extra and self.comm.rank == 0:
+            x, dead, moved = self._run.extra.weighed()
+            q, external, inertia = (np.concatenate(pair) for pair in ((q, x), (external, dead), (inertia, moved)))
+            damping = np.concatenate([damping, np.zeros_like(x)])
+        return q, external, damping, inertia, reaction, lag

@@ -16,6 +16,7 @@ from petsc4py import PETSc
 from ..errors import InputError, StepFailed
 from ..laws import Array
 from ..shell.dirichlet import check
+from ..terms.extra import extra_force
 from ..terms.term import Residual
 from . import stable_step
 from .checkpoint import Field
@@ -133,12 +134,16 @@ class CentralDifference(Stepper):
                 return
             v *= part
             a *= part
+            if self.extra:
+                self.extra.slow(part)
         for term in self.terms:
             term.prepare(dt)
         v += 0.5 * dt * a
         _drift(q, v, self._drifting, self._turning, dt)
         for body in self.bodies:
             body.drift(q, v, self.mass, dt)
+        if self.extra:
+            self.extra.drift(dt)
         self.time += dt
         self._move_supports(dt)
         self._led = all([term.follow() for term in self.terms])
@@ -149,6 +154,8 @@ class CentralDifference(Stepper):
         self.lay(a, q)
         v += 0.5 * dt * a
         v[motion.given] = self._given_v
+        if self.extra:
+            self.extra.kick(extra_force(self.terms, self.extra.count), dt)
         if self.ledger is not None and self._weighs:
             self.ledger.weigh()
         for term in self.terms:
@@ -166,6 +173,8 @@ class CentralDifference(Stepper):
         way, motion = np.zeros_like(self.q.x.array), self.motion
         moved = self._displacements
         way[moved] = dt * (motion.velocity.x.array[moved] + 0.5 * dt * motion.acceleration.x.array[moved])
+        if self.extra:
+            self.extra.aim(dt)
         return free_part(some, way, self.comm)
 
     def forces(self) -> Array:
@@ -179,7 +188,8 @@ class CentralDifference(Stepper):
         Over a step the kinetic energy and the work of inertia, by the trapezoidal rule, differ by its change.
         """
         a = self.motion.acceleration.x.array[: self.owned]
-        return self.ts.getTimeStep() ** 2 / 8 * float(np.sum(self.mass[: self.owned] * a * a))
+        beside = self.extra.lag() if self.extra and self.comm.rank == 0 else 0.0
+        return self.ts.getTimeStep() ** 2 / 8 * (float(np.sum(self.mass[: self.owned] * a * a)) + beside)
 
     def _move_supports(self, dt: float) -> None:
         """Given values at the present time, and their velocity and acceleration."""
@@ -197,6 +207,8 @@ class CentralDifference(Stepper):
         a[:] = -self.evaluate() / self.mass
         a[motion.given] = self._given_a
         self.lay(a, self.q.x.array)
+        if self.extra:
+            self.extra.start(extra_force(self.terms, self.extra.count))
         if self.ledger is not None:
             self.ledger.start()
         self._began = True
@@ -219,7 +231,7 @@ class CentralDifference(Stepper):
             for _ in range(steps):
                 clock, begun = time.perf_counter(), self.time
                 check(self._bcs, self.V)
-                good = [array.copy() for array in self._arrays()]
+                good = [array.copy() for array in self._arrays()], self.extra.numbers() if self.extra else {}
                 for part in range(1, parts + 1):
                     self._weighs = part % WEIGH == 0 or part == parts
                     self.ts.step()
@@ -235,7 +247,7 @@ class CentralDifference(Stepper):
     def _arrays(self) -> list[Array]:
         return [array for _, _, array in self.fields()]
 
-    def _judge(self, good: list[Array], begun: float) -> None:
+    def _judge(self, good: tuple[list[Array], dict[str, float]], begun: float) -> None:
         """Raise StepFailed if the motion is no longer one, with the last good state in place."""
         kinetic = self.motion.kinetic()
         said = None if self._led else HELD
@@ -245,8 +257,10 @@ class CentralDifference(Stepper):
             said = f"energy came from nowhere: {-self.ledger.totals['imbalance']:.3g} of {self.ledger.most:.3g} J"
         if said is None:
             return
-        for array, before in zip(self._arrays(), good, strict=True):
+        for array, before in zip(self._arrays(), good[0], strict=True):
             array[:] = before
+        if self.extra:
+            self.extra.set_numbers(good[1])
         reached, self.time = self.time, begun
         raise StepFailed(
             f"Explicit motion failed between {begun:.6g} and {reached:.6g} s: {said}. The step, "

@@ -3,8 +3,6 @@
 from collections.abc import Callable, Sequence
 
 from mpi4py import MPI
-from dolfinx import fem
-from petsc4py import PETSc
 
 from ..laws import Array
 from ..terms.term import Term
@@ -22,20 +20,6 @@ def limited(terms: Sequence[Term]) -> list[Term]:
 def free_part(terms: Sequence[Term], change: Array, comm: MPI.Comm) -> float:
     """The part of a change of q (local array) that these terms allow on all ranks, up to 1."""
     return float(comm.allreduce(min(term.longest_step(change) for term in terms), MPI.MIN))
-
-
-def longest_step(terms: Sequence[Term], change: PETSc.Vec, V: fem.FunctionSpace, turn: PETSc.Mat | None) -> float:
-    """The part of a change of the unknowns that all terms allow, up to 1. turn: dq/dx, where V is not their space."""
-    some = limited(terms)
-    if not some:
-        return 1.0
-    of_q = fem.Function(V)
-    if turn is None:
-        change.copy(of_q.x.petsc_vec)
-    else:
-        turn.mult(change, of_q.x.petsc_vec)
-    of_q.x.scatter_forward()
-    return free_part(some, of_q.x.array, V.mesh.comm)
 
 
 def balanced(terms: Sequence[Term], balance: Callable[[], int]) -> int | None:

@@ -5,7 +5,6 @@ from collections.abc import Sequence
 import numpy as np
 from mpi4py import MPI
 from dolfinx import fem
-from dolfinx.fem import petsc as fempetsc
 from petsc4py import PETSc
 
 from ..errors import InputError, StepFailed
@@ -13,15 +12,16 @@ from ..shell.directors import ShellSpace
 from ..shell.dirichlet import check, put
 from ..terms.form import Rate, terms_of
 from ..terms.hook import forget_traversals
-from ..terms.term import Residual, Term, add_forces
+from ..terms.term import Residual, Term
 from . import linear
 from .continuation import Step as Step
 from .failures import REASONS, SINGULAR, blame, failed, solve
-from .leading import HELD, balanced, longest_step
+from .leading import HELD, balanced
 from .linear import weak
 from .marching import march as march
 from .reactions import Reactions
 from .tangent import Tangent
+from .unknowns import Unknowns
 
 OPTIONS: linear.Options = {"snes_linesearch_type": "basic", "snes_max_it": 25}
 """PETSc options of `StaticSolver` that a user may override; those of linear systems: see `linear.configure`."""
@@ -59,7 +59,10 @@ class StaticSolver(Reactions):
         self.u, self.rtol, self._shell, self._bcs = u, rtol, space, list(bcs)
         self.terms: list[Term] = terms_of(residual, u, self.rate)
         self.comm = u.function_space.mesh.comm
-        self._y = u if space is None else fem.Function(space.W)  # what is solved for: u, or (u, angles) of a shell
+        self._unknowns = Unknowns(u, space, self.terms)
+        if self._unknowns.extra and self.rate is None:
+            raise InputError("A body that moves freely needs a motion, newmark or explicit; or lead it, without mass.")
+        self._y = self._unknowns.y  # what is solved for: u, or (u, angles) of a shell
         self._accepted = self._y.x.array.copy()
         self.scale = self._size = self._push = self._correction = 0.0
         self._met, self._pushed, self._sound = True, False, True  # sound: the last Jacobian was finite
@@ -67,19 +70,16 @@ class StaticSolver(Reactions):
         self._fault: Exception | None = None
         self.residuals: list[float] = []  # their norms in the last solve, N
         self.linear_iterations = 0  # of all solves so far; with factors, a linear system takes one
-        self._force = fempetsc.create_vector(u.function_space)
-        self._x, self._b = (fempetsc.create_vector(self._y.function_space) for _ in range(2))
-        every = np.arange(self._x.local_size) if space is None else np.array(space.W.sub(0).collapse()[1])
-        self.displacements = every[every < self._x.local_size]
+        self._x, self._b, owned = self._unknowns.vector(), self._unknowns.vector(), self._unknowns.owned
+        every = np.arange(owned) if space is None else np.array(space.W.sub(0).collapse()[1])
+        self.displacements = every[every < owned]
         """Owned unknowns that are displacements: of a shell, all but the angles."""
-        self._transformation: PETSc.Mat | None = None
         if space is None:
-            owned = [dofs[:size] for dofs, size in (bc.dof_indices() for bc in bcs)]
-            self._given = np.unique(np.concatenate([np.empty(0, dtype=np.int32), *owned]))
+            own = [dofs[:size] for dofs, size in (bc.dof_indices() for bc in bcs)]
+            self._given = np.unique(np.concatenate([np.empty(0, dtype=np.int32), *own]))
         else:
             self._given = space.supports(self._bcs)
-            self._transformation = space.turn(self._y, u)
-        self.tangent = Tangent(self.terms, u.function_space, space, self._transformation)
+        self.tangent = Tangent(self.terms, u.function_space, space, self._unknowns.link(), self._unknowns.here)
         self.symmetric = all([term.symmetric for term in self.terms])
         dofmap = self._y.function_space.dofmap
         blocks, components = np.divmod(self._given, dofmap.index_map_bs)
@@ -91,26 +91,16 @@ class StaticSolver(Reactions):
         self.snes.setConvergenceTest(weak(self.converged))
         self.snes.setLineSearchPreCheck(weak(self._shorten))
         linear.configure(self.snes, self.tangent.A, OPTIONS | (options or {}), self.symmetric)
-        by_grids = self.snes.ksp.getPC().getType() == "gamg"
+        by_grids = self.snes.ksp.getPC().getType() == "gamg" and not self._unknowns.count
         self._motions = linear.RigidMotions(u, self._y, space) if by_grids else None
         self.snes.setTolerances(stol=0.0)  # a step that ends in NaN would pass where the last correction was small
         forget_traversals()
 
     def _take(self, x: PETSc.Vec) -> None:
         """Set the unknowns from x."""
-        x.ghostUpdate(PETSc.InsertMode.INSERT, PETSc.ScatterMode.FORWARD)
-        fempetsc.assign(x, self._y)
-        if self._shell is not None:
-            self._shell.turn(self._y, self.u)
+        self._unknowns.take(x)
 
     impulses = 1.0  # what forces of impulsive terms count in a residual
-
-    def _assemble_force(self, impulses: float = 1.0) -> None:
-        """See `forces`."""
-        with self._force.localForm() as local:
-            local.set(0.0)
-            add_forces(self.terms, local.array_w, impulses)
-        self._force.ghostUpdate(PETSc.InsertMode.ADD, PETSc.ScatterMode.REVERSE)
 
     def _residual(self, snes: PETSc.SNES, x: PETSc.Vec, b: PETSc.Vec) -> None:
         # never raise in here: whatever fails, on any rank, must fail the step on every rank
@@ -126,11 +116,8 @@ class StaticSolver(Reactions):
 
     def assemble(self, x: PETSc.Vec, b: PETSc.Vec) -> None:
         """Residual b (N) at the last x and its stresses, under the present loads; gaps (m) at given unknowns."""
-        self._assemble_force(self.impulses)
-        if self._transformation is None:
-            self._force.copy(b)
-        else:
-            self._transformation.multTranspose(self._force, b)
+        self._unknowns.add_up(self.impulses)
+        self._unknowns.residual(b)
         self._size = b.norm(PETSc.NormType.NORM_INFINITY)
         gap = x.array_r[self._given] - self._targets[self._given]
         b.array_w[self._given] = gap
@@ -143,7 +130,7 @@ class StaticSolver(Reactions):
     def _assemble_tangent(self, *right: PETSc.Vec) -> None:
         if self.tangent.follow():
             self.snes.setJacobian(weak(self._jacobian), self.tangent.A)
-        self.tangent.assemble(self._force, self.impulses)
+        self.tangent.assemble(self._unknowns.force, self.impulses)
         self.tangent.eliminate(self._given_rows, self.symmetric, right)
         self._sound = self.tangent.sound()  # else the next residual is NaN
 
@@ -156,7 +143,7 @@ class StaticSolver(Reactions):
 
     def longest_step(self, change: PETSc.Vec) -> float:
         """The part of a change of the unknowns, from where they were last set, that all terms allow, up to 1."""
-        return longest_step(self.terms, change, self.u.function_space, self._transformation)
+        return self._unknowns.longest_step(change)
 
     def _shorten(self, x: PETSc.Vec, correction: PETSc.Vec) -> None:
         """Before a line search, which then stays within what the terms allow; PETSc subtracts corrections."""
@@ -187,7 +174,7 @@ class StaticSolver(Reactions):
         """Forget the last solve; the unknowns at the present u."""
         self.residuals, self._fault, self._sound = [], None, True
         self.aim()
-        fempetsc.assign(self._y, self._x)
+        self._unknowns.put(self._x)
         if self._motions is not None:
             self._motions.give(self.tangent.A, self._given)
         return self._x
@@ -286,15 +273,14 @@ class StaticSolver(Reactions):
     def restore(self) -> None:
         """Back to the last commit."""
         self._y.x.array[:] = self._accepted
-        if self._shell is not None:
-            self._shell.turn(self._y, self.u)
+        self._unknowns.settle()
         for term in self.terms:
             term.restore()
 
     def forces(self) -> np.ndarray:
         """Residual in N at the owned unknowns of u, with no condition applied: at supports, the reactions."""
-        self._assemble_force()
-        return np.array(self._force.array_r)
+        size = self.u.function_space.dofmap.index_map.size_local * self.u.function_space.dofmap.index_map_bs
+        return np.array(self._unknowns.add_up().array_r[:size])
 
     def _unknown(self) -> fem.Function:
         return self.u

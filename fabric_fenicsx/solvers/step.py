@@ -5,10 +5,12 @@ from collections.abc import Sequence
 import numpy as np
 from mpi4py import MPI
 from dolfinx import fem
+from dolfinx.fem import petsc as fempetsc
 from petsc4py import PETSc
 
+from ..terms.extra import extra_force
 from ..terms.form import terms_of
-from ..terms.term import Residual, add_forces
+from ..terms.term import Residual
 from .marching import take_up
 from .motion import Mass, Motion
 from .statics import StaticSolver
@@ -47,13 +49,12 @@ class MovingSolver(StaticSolver):
         """As of `StaticSolver`; then the impulses at the end of the step are given to the velocity."""
         for term in self.terms:
             term.prepare(self.motion.dt)
-        iterations, late = super().solve(), [term for term in self.terms if term.impulsive]
+        iterations, late, own = super().solve(), [term for term in self.terms if term.impulsive], self._unknowns
         if late:
-            with self._force.localForm() as local:
-                local.set(0.0)
-                add_forces(late, local.array_w)
-            self._force.ghostUpdate(PETSc.InsertMode.ADD, PETSc.ScatterMode.REVERSE)
-            self.motion.hit(self._force)
+            own.add_up(terms=late)
+            self.motion.hit(own.of_q)
+        if own.extra:
+            own.extra.hit(extra_force(late, own.count))
         return iterations
 
     def commit(self) -> None:
@@ -73,9 +74,13 @@ class MovingSolver(StaticSolver):
         without mass get none.
         """
         motion, impulses, self.impulses = self.motion, self.impulses, 0.0
-        b = self.residual(self.begin())
+        b, turn = self.residual(self.begin()), self._unknowns.of_sheet
         self.impulses = impulses
-        mass = motion.mass if self._transformation is None else motion.mass.ptap(self._transformation)
+        if self._unknowns.extra:
+            self._unknowns.extra.start(np.zeros(self._unknowns.count))
+            whole, b = b, fempetsc.create_vector(self._y.function_space)
+            b.array_w[:] = whole.array_r[: b.local_size]
+        mass = motion.mass if turn is None else motion.mass.ptap(turn)
         massless = np.flatnonzero(mass.getDiagonal().array_r == 0.0) + mass.getOwnershipRange()[0]
         fixed = np.union1d(self._given_rows, massless).astype(PETSc.IntType)
         mass = mass.copy()
@@ -90,10 +95,10 @@ class MovingSolver(StaticSolver):
         correction = b.duplicate()
         ksp.solve(b, correction)
         a = fem.Function(self.u.function_space)
-        if self._transformation is None:
+        if turn is None:
             correction.copy(a.x.petsc_vec)
         else:
-            self._transformation.mult(correction, a.x.petsc_vec)
+            turn.mult(correction, a.x.petsc_vec)
         a.x.scatter_forward()
         return np.asarray(motion.acceleration.x.array - a.x.array)
 
@@ -103,12 +108,14 @@ class MovingSolver(StaticSolver):
         The drape takes a fifth fewer iterations so; in a stretched sheet the straight way may strain far too much.
         """
         x = super().begin()
-        dt, here = self.motion.dt, x.array_r.copy()
-        still = self.comm.allreduce(bool((here == self._targets[: len(here)])[self._given].all()), MPI.LAND)
+        dt, here, owned, extra = self.motion.dt, x.array_r.copy(), self._unknowns.owned, self._unknowns.extra
+        still = self.comm.allreduce(bool((here[self._given] == self._targets[self._given]).all()), MPI.LAND)
         if dt > 0.0 and still:
             v = self.motion.accepted["v"]
             way = x.duplicate()
-            way.array_w[:] = dt * (v if self._shell is None else self._shell.rate(v))[: len(here)]
+            way.array_w[:owned] = dt * (v if self._shell is None else self._shell.rate(v))[:owned]
+            if extra is not None:
+                way.array_w[owned:] = dt * extra.rates()[: self._unknowns.here]
             way.array_w[self._given] = 0.0
             before = self.residual(x).norm()
             x.axpy(self.longest_step(way), way)

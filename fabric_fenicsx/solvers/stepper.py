@@ -9,6 +9,7 @@ from dolfinx import fem
 from petsc4py import PETSc
 
 from ..laws import Array
+from ..terms.extra import extra_of
 from ..terms.form import terms_of
 from ..terms.hook import forget_traversals
 from ..terms.term import Residual, Term
@@ -46,6 +47,10 @@ class Stepper(Reactions):
         self.terms: list[Term] = terms_of(residual, motion.q, (motion.velocity, motion.rate))
         if motion.damping > 0.0:
             self.terms.append(Mass(motion, damps=True))
+        self.extra = extra_of(self.terms)
+        """The term that brings unknowns of its own, if there is one."""
+        if self.extra:
+            self.extra.join(motion)
         self.comm, self.time, self.number = motion.q.function_space.mesh.comm, start, 0
         motion.given = np.unique(np.concatenate([np.empty(0, np.int32), *(bc.dof_indices()[0] for bc in bcs)]))
         self._values = np.zeros_like(motion.q.x.array)
@@ -109,12 +114,15 @@ class Stepper(Reactions):
     def numbers(self) -> dict[str, float]:
         """Time and energies of the last accepted step."""
         own = {"time": self.time, "number": self.number, "from_time": self._origin[0], "from_number": self._origin[1]}
+        own |= self.extra.numbers() if self.extra else {}
         return own | (self.ledger.numbers() if self.ledger else {})
 
     def set_numbers(self, numbers: dict[str, float]) -> None:
         """As `numbers` gave them."""
         self.time, self.number = numbers["time"], int(numbers["number"])
         self._origin, self._resumed = (numbers["from_time"], int(numbers["from_number"])), True
+        if self.extra:
+            self.extra.set_numbers(numbers)
         if self.ledger:
             self.ledger.set_numbers(numbers)
 

@@ -23,28 +23,33 @@ class Tangent:
         terms: of the residual.
         V: the space of q.
         shell: with its directors, if it is one.
-        turn: of a shell, d(u, d)/d(u, angles), V rows by W columns.
+        turn: of a shell, d(u, d)/d(u, angles), V rows by W columns; `extra` of them are not V's, on this rank.
     """
 
     def __init__(
-        self, terms: Sequence[Term], V: fem.FunctionSpace, shell: ShellSpace | None, turn: PETSc.Mat | None
+        self,
+        terms: Sequence[Term],
+        V: fem.FunctionSpace,
+        shell: ShellSpace | None,
+        turn: PETSc.Mat | None,
+        extra: int = 0,
     ) -> None:
-        self._terms, self._space, self._shell, self._turn = terms, V, shell, turn
+        self._terms, self._space, self._shell, self._turn, self._extra = terms, V, shell, turn, extra
         self._symmetric = all([term.symmetric for term in terms])
         self._build()
 
     def _build(self) -> None:
         comm, index_map, bs = self._space.mesh.comm, self._space.dofmap.index_map, self._space.dofmap.index_map_bs
-        own = np.arange(*index_map.local_range) * bs
+        begin, end = index_map.local_range
         # LU needs a diagonal, whatever the terms have
-        diagonal = (own[:, None] + np.arange(bs)).ravel()
+        diagonal = np.arange(begin * bs, end * bs + self._extra)
         patterns = [*(term.pattern() for term in self._terms), (diagonal, diagonal)]
         rows, columns = (np.concatenate([np.asarray(p[k], dtype=PETSc.IntType) for p in patterns]) for k in (0, 1))
         ends = np.cumsum([len(pattern[0]) for pattern in patterns])
         self._values = np.zeros(len(rows))
         self._parts = np.split(self._values, ends)[: len(self._terms)]
         self.K = PETSc.Mat().create(comm)
-        self.K.setSizes([[index_map.size_local * bs, index_map.size_global * bs]] * 2)
+        self.K.setSizes([[len(diagonal), None]] * 2)
         self.K.setType(PETSc.Mat.Type.AIJ)
         self.K.setPreallocationCOO(rows, columns)
         self.K.setValuesCOO(self._values)

@@ -55,6 +55,9 @@ class Term:
         """Add the force (N) of the last evaluation to a local array."""
         raise NotImplementedError
 
+    def add_extra_force(self, total: Array) -> None:
+        """Add what it does to the unknowns of an `extra.Extra`, (count,) in N and N m, the same on every rank."""
+
     def pattern(self) -> tuple[Indices, Indices]:
         """Global rows and columns (n,) of the entries of its stiffness; some may come several times."""
         return NOWHERE
