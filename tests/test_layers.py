@@ -62,7 +62,7 @@ FLOORS = [
             {"contact"},
         ]
     },
-    {"garments": [{"panels"}, {"sewing"}, {"dressing"}]},
+    {"garments": [{"panels", "limb"}, {"sewing", "limbs"}, {"dressing"}]},
     {"specimen"},
     {"identify", "scenes"},
     {
