@@ -42,7 +42,7 @@ class Skin:
             raise InputError(f"Contact does not know the surface of a {name} with {cells.shape[1]} nodes.") from None
         triangles = dofmap.index_map.local_to_global(cells[:, corners].ravel().astype(np.int32)).reshape(-1, 3)
         self.beyond = V.dofmap.index_map.size_global * V.dofmap.index_map_bs
-        self.last = self._comm.rank == self._comm.size - 1
+        self.last = self.comm.rank == self.comm.size - 1
         blocks, components = np.divmod(self.local, V.dofmap.index_map_bs)
         rows = V.dofmap.index_map.local_to_global(blocks.ravel().astype(np.int32)).reshape(-1, 3)
         self._counts = 3 * np.array(self.comm.allgather(own))
