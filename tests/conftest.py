@@ -11,13 +11,16 @@ import io
 import itertools
 import os
 import sys
+from pathlib import Path
 
-# Before anything reads them: one thread a process, and pictures without a screen.
+# Before anything reads them: one thread a process, pictures without a screen, and forms that are compiled quickly, for
+# they are run on few cells.
 os.environ.update(
     NUMBA_NUM_THREADS="1",
     OMP_NUM_THREADS="1",
     MPLBACKEND="Agg",
     VTK_DEFAULT_OPENGL_WINDOW="vtkEGLRenderWindow",
+    XDG_CONFIG_HOME=str(Path(__file__).parent / "data" / "config"),
 )
 
 import fabric_fenicsx  # noqa: F401 I001  first: it loads the MPI that the rest is to use

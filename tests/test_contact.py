@@ -164,7 +164,7 @@ def test_a_flat_drop_makes_no_energy_and_comes_to_rest_with_its_weight_on_the_pl
     assert touch.force(touch.bodies[0])[2] == pytest.approx(-M * SIDE**2 * G, rel=0.05)
 
 
-@settings(max_examples=6)
+@settings(max_examples=3)
 @given(
     speed=some.floats(0.5, 10.0),
     step=some.floats(1e-3, 2e-2),

@@ -161,6 +161,7 @@ def test_biaxial(demo, tmp_path):
         assert max(table["force_N"][-1], table["transverse_force_N"][-1]) <= 0
 
 
+@pytest.mark.slow
 def test_law_steps(demo, tmp_path):
     status, said, _ = demo("law_steps.py", "--quick", "--out", tmp_path)
     assert status == 0 and ": yes;" in said and "stopped at" in said
@@ -261,6 +262,7 @@ def on_two_ranks(commands):
     assert answer.stdout.count(": yes;") == len(commands), "said once, by rank 0"
 
 
+@pytest.mark.slow
 def test_two_ranks_give_the_same(demo, tmp_path):
     """To 1e-8 where the demo solves to 1e-10 of the force, to 1e-6 with the 1e-6 of tensile.py."""
     runs = {
@@ -384,6 +386,7 @@ def test_a_plane_strip_has_no_height(demo, tmp_path):
     assert status == 2 and "--kinematics shell" in complaint
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("case", ["end_shear", "scordelis_lo"])
 def test_shell_benchmarks(demo, tmp_path, case):
     status, said, _ = demo("shell_benchmarks.py", "--case", case, "--out", tmp_path)

@@ -19,6 +19,7 @@ def files(folder):
     return table
 
 
+@pytest.mark.slow
 def test_pendulum(demo, tmp_path):
     status, said, _ = demo("pendulum.py", "--angle", "120", "--step", "5", "--out", tmp_path)
     table = files(tmp_path / "120_degrees")
@@ -40,6 +41,7 @@ def test_free_plate(demo, tmp_path):
     assert start == pytest.approx(expected, rel=1e-2)
 
 
+@pytest.mark.slow
 def test_hanging_strip(demo, tmp_path):
     status, said, _ = demo("hanging_strip.py", "--modes", "2", "--cells", "20", "--points", "40", "--out", tmp_path)
     assert status == 0 and ": yes;" in said

@@ -42,6 +42,7 @@ def test_it_is_short_and_says_what_it_shows(name):
     assert "The checked number" in ast.get_docstring(ast.parse(text))
 
 
+@pytest.mark.slow
 def test_two_ranks_give_the_same(demo, tmp_path):
     commands = [[str(DEMOS / f"{name}.py"), "--out", str(tmp_path / "two" / name)] for name in MINE]
     sleeve = ["--around", "16", "--along", "12", "--end", "0.06", "--out"]

@@ -28,6 +28,7 @@ def study(monkeypatch, capsys, tmp_path):
     return run
 
 
+@pytest.mark.slow
 def test_lean_scenes(study):
     _, said, rows = study("lean_scenes", "--quick")
     assert "nothing is paid for that is not used: yes" in said

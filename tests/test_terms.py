@@ -69,10 +69,9 @@ def remainders(solver, scale=0.02):
     return np.log2(np.array(left[:-1]) / left[1:])
 
 
-@pytest.mark.parallel(first=4)
+@pytest.mark.parallel(first=2)
 @pytest.mark.parametrize("make", [crease, thread])
-@pytest.mark.parametrize("kinematics", ["shell", "membrane"])
-@pytest.mark.parametrize("triangles", [0, 1])
+@pytest.mark.parametrize(("kinematics", "triangles"), [("shell", 0), ("membrane", 1)])
 def test_the_tangent_of_a_term_between_cells_is_exact(make, kinematics, triangles):
     """Its entries couple the cells on both sides; without those the order is 1."""
     cloth = panels(COMM, kinematics=kinematics, triangles=triangles)
