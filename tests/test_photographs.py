@@ -1,6 +1,8 @@
 """Marks in photographs: found to a few hundredths of a pixel, followed, and written as `identify` reads them."""
 
 import re
+import subprocess
+import sys
 
 import numpy as np
 import pytest
@@ -9,11 +11,15 @@ from click.testing import CliRunner
 from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
 from scipy.spatial import cKDTree
+from test_setup import ROOT
 
+from fabric_fenicsx import fabrics
 from fabric_fenicsx.app.cli import app
 from fabric_fenicsx.errors import InputError
-from fabric_fenicsx.identify import markers, records
+from fabric_fenicsx.identify import curves, markers, records, synthetic
+from fabric_fenicsx.output import pictures
 from fabric_fenicsx.photographs import contact_sheet, corrections, making, marker_file, marks, plane, reading, tracking
+from fabric_fenicsx.system import can_draw
 
 PIXELS = (260, 300)  # rows, columns
 ACCURATE = 0.05  # pixels, root mean square
@@ -333,3 +339,61 @@ def test_the_gradient_of_uneven_marks_is_told():
     x = rendered.grid(3, 3, 10, (0, 0))
     F, miss = marker_file.gradient(np.array([x, x + 0.01 * x**2]), x)
     assert F[0] == pytest.approx(np.eye(2)) and miss > making.UNEVEN
+
+
+@pytest.fixture(scope="module")
+def demo():
+    """The demo, as a module."""
+    sys.path.insert(0, str(ROOT / "demos"))
+    import photographs
+
+    yield photographs
+    sys.path.remove(str(ROOT / "demos"))
+
+
+def test_photographs_of_a_strip_in_bias_give_its_shear_curve(demo, tmp_path):
+    """The strain of the law at a point, on a strip that a tilted camera sees; quick variant of the demo."""
+    if can_draw() is not None:
+        pytest.skip("pictures cannot be drawn here")
+    fabric = fabrics.load("blend")
+    test = synthetic._test(fabric, "bias")
+    top = int(test["displacement"].argmax())
+    chosen = np.linspace(0, top, 9).astype(int)
+    length, width = fabric.gauge_length, fabric.width
+    import pyvista
+
+    flat = pyvista.ImageData(dimensions=(9, 5, 1), spacing=(length / 8, width / 4, 1)).cast_to_unstructured_grid()
+    X = np.asarray(flat.points)
+    l1, l2 = test["warp_stretch"][chosen], test["weft_stretch"][chosen]
+    E = np.array([(l1**2 - 1) / 2, (l2**2 - 1) / 2, -np.sqrt(l1**2 * l2**2) * np.cos(test["angle"][chosen]) / 2])
+    rows, shapes = [], []
+    for e11, e22, e12, k in zip(*E, chosen, strict=True):
+        C = 2 * np.array([[(e11 + e22) / 2 - e12, (e11 - e22) / 2], [(e11 - e22) / 2, (e11 + e22) / 2 + e12]]) + np.eye(
+            2
+        )
+        U = np.linalg.cholesky(C).T  # C = U.T U, x stays along the load
+        moved = np.column_stack([X[:, :2] @ (U - np.eye(2)).T, 0 * X[:, 0]])
+        shapes.append(pictures.Shape(2, flat.cells, flat.celltypes, X, moved, np.zeros(flat.n_cells)))
+        rows.append((1e3 * test["displacement"][k], test["force"][k]))
+    camera = demo.Camera(500, (0.05, width / 2), 0.105, 8.0, 0.01, np.random.default_rng(1))
+    case = demo.tensile.Case(fabric, 45.0)
+    taken = demo.photograph(camera, case, rows, shapes, tmp_path / "photos", 1)
+    camera.plotter.close()
+    path = demo.measure(taken, tmp_path, 45.0)
+    record = records.read(path, records.Strip(length, width, fabric.thickness))
+    E12 = markers.shear_strain(record)
+    S12 = curves.piola_kirchhoff(record.force, record.displacement, length, width * fabric.thickness) / 2
+    good = np.isfinite(E12)  # a last reading may be taken for a wild one
+    assert good.sum() >= 8 and np.abs(S12 - fabric.shear.stress(2 * E12))[good].max() < 0.05 * S12.max()
+    for name, stretch in (("warp_stretch", l1), ("weft_stretch", l2)):
+        assert record.yarns[name][good] == pytest.approx(stretch[good], abs=2e-3)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("fabric", ["blend", "duck"])
+def test_a_simulated_strip_gives_its_own_fabric_back(tmp_path, fabric):
+    answer = subprocess.run(
+        [sys.executable, str(ROOT / "demos" / "photographs.py"), "--fabric", fabric, "--out", str(tmp_path)],
+        capture_output=True, text=True, timeout=280, check=False,
+    )  # fmt: skip
+    assert answer.returncode == 0 and "within 5 %: yes" in answer.stdout, answer.stdout + answer.stderr

@@ -23,8 +23,8 @@ from .options import drawn_to, file, folder, numbers
 @click.option("--bar", type=float, help="Length in mm of a dark bar in the first photograph: the scale.")
 @click.option("--ends", callback=numbers(4), metavar="X1,Y1,X2,Y2", help="Its ends in pixels; found, if left out.")
 @click.option("--record", type=file, help="Of the testing machine, with a column photograph: comes into the file.")
-@click.option("--warp", type=float, help="Degrees from the right of the picture to the warp, anticlockwise: adds "
-              "stretches and angle of the yarns, as a bias test needs them.")  # fmt: skip
+@click.option("--warp", type=float, help="Degrees to the warp, anticlockwise from the right of the picture (of a row "
+              "of the checkerboard): adds stretches and angle of the yarns, as a bias test needs them.")  # fmt: skip
 @click.option("--out", type=folder, default=Path("out/markers"), show_default=True)
 def markers(photographs: tuple[Path, ...], out: Path, light: bool, corners: tuple[float, float], **more: Any) -> None:
     """From PHOTOGRAPHS (files, or a folder) of a marked strip to markers.csv, which `identify` reads.

@@ -36,7 +36,7 @@ class Settings:
     ends: tuple[float, float, float, float] | None = None
     """Of the bar: x1, y1, x2, y2 in pixels."""
     warp: float | None = None
-    """Degrees from the right of the picture to the warp, counter-clockwise, before the test."""
+    """Degrees from x (right in the picture, or along the board) to the warp, anticlockwise, before the test."""
     record: Path | None = None
     """Of the testing machine, with a column "photograph"."""
 

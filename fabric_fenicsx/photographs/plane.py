@@ -1,8 +1,9 @@
 """From pixels to places on the plane of the specimen.
 
 A checkerboard that lies in the plane of the specimen gives all of it: the homography of that plane, with the radial
-distortion of the lens (Brown 1966, two coefficients) about the middle of the picture. A bar of known length gives the
-scale alone, for a camera that looks straight at the specimen. Without either, places are in pixels.
+distortion of the lens (Brown 1966, two coefficients) about the middle of the picture; x is then along its rows. A bar
+of known length gives the scale alone, for a camera that looks straight at the specimen. Without either, places are in
+pixels.
 """
 
 from dataclasses import dataclass
@@ -21,7 +22,7 @@ SLENDER = 6.0  # length over width of a bar
 
 @dataclass(frozen=True)
 class Plane:
-    """Maps pixels to places, x to the right and y upward in the picture, in the unit `unit`."""
+    """Maps pixels to places, x to the right and y upward in the picture, or along those of the board, in `unit`."""
 
     unit: str = "px"
     scale: float = 1.0
@@ -127,8 +128,9 @@ def _slope(middle: tuple[float, float], k: tuple[float, float], H: Array) -> Arr
 
 
 def _upright(middle: tuple[float, float], k: tuple[float, float], H: Array) -> Array:
-    """The same turned, and mirrored if need be, so that x goes to the right of the picture and y upward."""
+    """The same by quarter turns, and mirrored if need be, so that x goes to the right of the picture and y upward."""
     u, _, v = np.linalg.svd(_slope(middle, k, H) @ np.diag([1.0, -1.0]))
-    turn = np.eye(3)
-    turn[:2, :2] = (u @ v).T
+    R, turn = (u @ v).T, np.zeros((3, 3))
+    along = int(np.abs(R[0]).argmax())
+    turn[0, along], turn[1, 1 - along], turn[2, 2] = np.sign(R[0, along]), np.sign(R[1, 1 - along]), 1.0
     return np.asarray(turn @ H)

@@ -1,8 +1,9 @@
 """Follows marks through a series of photographs.
 
-Between two photographs a mark may move by less than half of the distance to its neighbour, beyond where it was, or
-beyond where its motion would take it. One that is not where its neighbours go is lost; a lost one is looked for again,
-where its neighbours say, in every photograph that follows. What a hand has corrected counts as it stands.
+Between two photographs a mark may move by less than half of the distance to its neighbour from where it was, from where
+its motion would take it, or, if about all of them are seen, from where the pattern as a whole has gone. One that is not
+where its neighbours go is lost; a lost one is looked for again, where its neighbours say, in every photograph that
+follows. What a hand has corrected counts as it stands.
 """
 
 from collections.abc import Callable
@@ -16,6 +17,7 @@ from .marks import FAINT, SYMMETRIC, Picture
 
 GATE = 0.45  # of the distance to the next mark: how far a mark may be from where it is expected
 NEIGHBOURS = 8  # of a mark, whose motion it goes along with
+ROUNDS = 4  # of matching marks, each with the motion of those met before
 APART = 0.2  # of the distance to the next mark: how far it may be from where they say
 LOST, FOUND, BY_HAND = 0, 1, 2
 
@@ -66,9 +68,11 @@ def follow(pictures: list[Callable[[], Picture]], x0: Array, hand: Array) -> Tra
 def _next(picture: Picture, x: Array, state: np.ndarray, spacing: Array, depth: Array) -> tuple[Array, np.ndarray]:
     """Places and states in a photograph, from those in the photographs before it, (k, n, 2) and (k, n)."""
     marks, last = picture.marks(), x[-1]
-    guesses = [last] if len(x) < 2 else [2 * last - x[-2], last]
     known = state[-1] != LOST
-    found = max((_match(marks, last, guess, known, spacing) for guess in guesses), key=lambda one: (one >= 0).sum())
+    guesses = [last] if len(x) < 2 else [2 * last - x[-2], last]
+    guesses += [_as_a_whole(marks, last, known)] if len(marks) > 3 and known.sum() > 3 else []
+    matches = [_match(marks, guess, known, spacing) for guess in guesses]
+    found = max(matches, key=lambda one: int((one >= 0).sum()))
     place, seen = last.copy(), found >= 0
     if not seen.any():
         return guesses[0], np.full(len(last), LOST)
@@ -88,16 +92,32 @@ def _next(picture: Picture, x: Array, state: np.ndarray, spacing: Array, depth: 
     return place, np.where(seen, FOUND, LOST)
 
 
-def _match(marks: Array, last: Array, guess: Array, known: np.ndarray, spacing: Array) -> np.ndarray:
-    """Which of the `marks` each one is (n,), -1 where it is none."""
-    out = np.full(len(last), -1)
+def _as_a_whole(marks: Array, last: Array, known: np.ndarray) -> Array:
+    """Where the marks are if the pattern has the middle and the spread of all that is seen, and has hardly turned."""
+
+    def spread(x: Array) -> tuple[Array, Array]:
+        values, axes = np.linalg.eigh(np.cov(x.T) + 1e-6 * np.eye(2))
+        return x.mean(axis=0), axes * np.sqrt(values) @ axes.T
+
+    (before, one), (after, other) = spread(last[known]), spread(marks)
+    return np.asarray(after + (last - before) @ np.linalg.solve(one, other))
+
+
+def _match(marks: Array, guess: Array, known: np.ndarray, spacing: Array) -> np.ndarray:
+    """Which of the `marks` each one is (n,), -1 where it is none; a guess is mended by the affine map of those met."""
+    out = np.full(len(guess), -1)
     if not len(marks) or not known.any():
         return out
-    far, nearest = cKDTree(marks).query(guess)
-    back = cKDTree(guess[known]).query(marks)[1]
-    numbers = np.flatnonzero(known)
-    mutual = known & (numbers[back[nearest]] == np.arange(len(last)))
-    out[mutual & (far < GATE * spacing)] = nearest[mutual & (far < GATE * spacing)]
+    tree, numbers = cKDTree(marks), np.flatnonzero(known)
+    for _ in range(ROUNDS):
+        far, nearest = tree.query(guess)
+        back = cKDTree(guess[known]).query(marks)[1]
+        met = known & (numbers[back[nearest]] == np.arange(len(guess))) & (far < GATE * spacing)
+        out = np.where(met, nearest, -1)
+        A = np.column_stack([np.ones(len(guess)), guess])
+        if met.sum() < 6:
+            break
+        guess = A @ np.linalg.lstsq(A[met], marks[nearest[met]])[0]
     return out
 
 
