@@ -62,7 +62,14 @@ FLOORS = [
             {"contact"},
         ]
     },
-    {"garments": [{"panels", "limb"}, {"sewing", "limbs"}, {"dressing"}]},
+    {
+        "garments": [
+            {"panels", "limb", "outlines"},
+            {"sewing", "limbs", "dxf"},
+            {"dressing", "garmentcode"},
+            {"patterns"},
+        ]
+    },
     {"specimen"},
     {"identify", "scenes"},
     {
