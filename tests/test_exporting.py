@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from scipy.spatial import Delaunay
 
 from fabric_fenicsx import fabrics
 from fabric_fenicsx.app.cli import app
@@ -71,3 +72,73 @@ def test_the_command():
     assert run.exit_code == 0 and "not measured" in numbers["assumed"] and numbers["areal_mass_kg_per_m2"] > 0.3
     for to in exporting.FORMATS:
         assert CliRunner().invoke(app, ["fabrics", "export", "denim", "--to", to]).exit_code == 0
+
+
+def hinged(cell, x, y):
+    """Nodes (n, 2), and hinges (edge, and the two corners across), of an equilateral lattice with this edge."""
+    nodes = np.array([(cell * (i + 0.5 * (j % 2)), cell * j * np.sqrt(3) / 2) for j in range(y) for i in range(x)])
+    triangles = [
+        (a, b, c)
+        for a, b, c in Delaunay(nodes).simplices
+        if np.linalg.norm(nodes[a] - nodes[b]) < 1.1 * cell
+        and np.linalg.norm(nodes[b] - nodes[c]) < 1.1 * cell
+        and np.linalg.norm(nodes[a] - nodes[c]) < 1.1 * cell
+    ]
+    across = {}
+    for triangle in triangles:
+        for k in range(3):
+            edge = frozenset((triangle[k], triangle[k - 1]))
+            across.setdefault(edge, []).append(triangle[k - 2])
+    return nodes, [(*edge, *ends) for edge, ends in across.items() if len(ends) == 2], triangles
+
+
+def angle(x, a, b, c, d):
+    """Between the normals of the two triangles of a hinge."""
+    n1, n2 = np.cross(x[b] - x[a], x[c] - x[a]), np.cross(x[d] - x[a], x[b] - x[a])
+    n1, n2 = n1 / np.linalg.norm(n1), n2 / np.linalg.norm(n2)
+    return np.arctan2(np.linalg.norm(np.cross(n1, n2)), n1 @ n2)
+
+
+@pytest.mark.parametrize("name", ["blend", "duck"])
+def test_hinges_of_ppf_and_newton_bend_as_the_cloth(name):
+    """Energy of the formulas of both programs on a lattice on a cylinder: B/2 curvature^2 over its area."""
+    fabric, K, edge = fabrics.load(name), 5.0, 0.005
+    nodes, hinges, triangles = hinged(edge, 24, 24)
+    B = np.sqrt(np.prod([getattr(fabric.bending_or_estimate(), way).B for way in ("warp", "weft")]))
+    rolled = np.column_stack([np.sin(K * nodes[:, 0]) / K, nodes[:, 1], (1 - np.cos(K * nodes[:, 0])) / K])
+    squares = sum(angle(rolled, *hinge) ** 2 for hinge in hinges)
+    area = len(triangles) * edge**2 * np.sqrt(3) / 4
+    ppf, newton = (json.loads(exporting.export(fabric, to, edge=edge)) for to in ("ppf", "newton"))
+    for k in (1.28e-5 * ppf["bend"] * ppf["density"] * 2 / np.sqrt(3), newton["edge_ke"] * edge):
+        assert k * squares / 2 == pytest.approx(B * K**2 / 2 * area, rel=0.06)  # hinges of the rim are missing
+
+
+@pytest.mark.parametrize("name", fabrics.names())
+def test_ppf_newton_and_blender_pull_as_the_cloth(name):
+    """Their own formulas give the tension at rest, and ppf and Blender the shear; newton says by how much it is off."""
+    fabric = fabrics.load(name)
+    n = exporting.linear(fabric)
+    tension, mass = np.sqrt(n["tension_warp_N_per_m"] * n["tension_weft_N_per_m"]), n["areal_mass_kg_per_m2"]
+    ppf, newton, blender = (json.loads(exporting.export(fabric, to, edge=0.02)) for to in ("ppf", "newton", "blender"))
+    E, nu = ppf["young-mod"], ppf["poiss-rat"]
+    assert 0 < nu < 0.5 and ppf["density"] == pytest.approx(mass)
+    assert mass * E / (2 * (1 + nu)) == pytest.approx(tension)
+    assert mass * E * nu / ((1 + nu) * (1 - 2 * nu)) == pytest.approx(n["shear_N_per_m"])
+    mu, lame = newton["tri_ke"], newton["tri_ka"]
+    assert 4 * mu * (mu + lame) / (2 * mu + lame) == pytest.approx(tension)  # uniaxial, plane
+    assert newton["shear_over_that_of_the_cloth"] * n["shear_N_per_m"] == pytest.approx(mu)
+    # a square cell of springs: force at the strain e, and energy of the diagonals at the angle g
+    a, e, g = 0.02, 0.01, 0.01
+    assert blender["tension_stiffness"] / a * (e * a) == pytest.approx(tension * a * e)
+    longer = np.sqrt(2) * a * g / 2
+    assert 2 * blender["shear_stiffness"] / a * longer**2 / 2 == pytest.approx(n["shear_N_per_m"] * g**2 / 2 * a**2)
+    assert blender["mass"] == pytest.approx(mass * a**2)
+    moment = 0.1 * blender["bending_stiffness"] * a * g * a / 2  # half of the vertices of a face are off the edge
+    assert moment == pytest.approx(np.sqrt(n["bending_warp_N_m"] * n["bending_weft_N_m"]) * g)
+    for told in (ppf, newton, blender):
+        assert "friction" in told["lost"] and "assumed" in told
+
+
+def test_an_edge_that_is_none():
+    with pytest.raises(InputError, match="An edge of 0 m is none of a mesh"):
+        exporting.export(fabrics.load("blend"), "newton", edge=0.0)

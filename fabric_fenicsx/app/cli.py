@@ -106,14 +106,16 @@ def fabrics_plot(names: tuple[str, ...], out: Path | None) -> None:
 
 @fabrics_group.command("export")
 @click.argument("name", shell_complete=fabric_names)
-@click.option("--to", "format", type=click.Choice(["calculix", "abaqus", "linear"]), default="linear",
-              show_default=True, help="CalculiX *ELASTIC, Abaqus *FABRIC, or linear numbers as JSON.")  # fmt: skip
-def fabrics_export(name: str, format: str) -> None:
+@click.option("--to", "format", type=click.Choice(["calculix", "abaqus", "linear", "ppf", "newton", "blender"]),
+              default="linear", show_default=True, help="CalculiX *ELASTIC, Abaqus *FABRIC, or linear numbers as JSON: "
+              "per width, or as ppf-contact-solver, newton or Blender name them.")  # fmt: skip
+@click.option("--edge", type=float, default=10.0, show_default=True, help="Of the mesh, mm, for newton and Blender.")
+def fabrics_export(name: str, format: str, edge: float) -> None:
     """The numbers of a fabric, by NAME or TOML file, for another program; it says what is lost."""
     from .. import fabrics
     from ..fabrics import exporting
 
-    click.echo(exporting.export(fabrics.load(name), format), nl=False)
+    click.echo(exporting.export(fabrics.load(name), format, edge=1e-3 * edge), nl=False)
 
 
 @app.command()

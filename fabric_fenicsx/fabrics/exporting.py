@@ -5,7 +5,8 @@
 - `calculix`: *ELASTIC, TYPE=ENGINEERING CONSTANTS (Abaqus reads it too), linear at rest, over a thickness with which an
   elastic shell bends as the cloth does, not over the measured one;
 - `abaqus`: *FABRIC of Abaqus/Explicit, nominal stress over nominal strain along each yarn, and over the shear angle;
-- `linear`: the linear numbers per width as JSON, for programs of cloth that take stiffness in N/m and bending in N m.
+- `linear`: the linear numbers per width as JSON, for programs of cloth that take stiffness in N/m and bending in N m;
+- `ppf`, `newton`, `blender`: those numbers as JSON under the names and in the units of these, see `simulators`.
 """
 
 import json
@@ -14,9 +15,10 @@ from typing import Literal, get_args
 import numpy as np
 
 from ..errors import InputError
+from . import simulators
 from .data import Curve, Fabric
 
-type Format = Literal["calculix", "abaqus", "linear"]
+type Format = Literal["calculix", "abaqus", "linear", "ppf", "newton", "blender"]
 FORMATS: tuple[str, ...] = get_args(Format.__value__)
 POINTS = 26
 LOST = {
@@ -28,11 +30,20 @@ LOST = {
 }
 
 
-def export(fabric: Fabric, format: str) -> str:
-    """The text of the file; raises InputError for another format than `FORMATS`."""
+def export(fabric: Fabric, format: str, *, edge: float = 0.01) -> str:
+    """The text of the file; edge (m): of the mesh of a program whose numbers go with it, newton and blender.
+
+    Raises InputError for another format than `FORMATS`, and an edge that is not above zero.
+    """
+    if not 0 < edge < 1e3:
+        raise InputError(f"An edge of {edge:g} m is none of a mesh; give its length, above zero.")
     if format not in FORMATS:
         raise InputError(f"{format!r} is no format of an export; give one of {', '.join(FORMATS)}.")
-    return {"calculix": _calculix, "abaqus": _abaqus, "linear": _linear}[format](fabric)
+    if format in ("calculix", "abaqus"):
+        return _calculix(fabric) if format == "calculix" else _abaqus(fabric)
+    if format == "linear":
+        return _json(fabric, LOST["linear"], dict(linear(fabric)))
+    return _json(fabric, simulators.LOST[format], simulators.numbers(linear(fabric), format, edge))
 
 
 def linear(fabric: Fabric) -> dict[str, float]:
@@ -126,10 +137,9 @@ def _sheared(curve: Curve) -> list[tuple[float, float]]:
     return list(zip((curve.stress(np.sin(angle)) * np.cos(angle)).tolist(), angle.tolist(), strict=True))
 
 
-def _linear(fabric: Fabric) -> str:
+def _json(fabric: Fabric, lost: str, numbers: dict[str, object]) -> str:
     bending = fabric.bending_or_estimate()
-    words = {"name": fabric.name, "lost": LOST["linear"]}
-    words |= (
-        {"assumed": "; ".join(f"{what}: {why}" for what, why in bending.assumed.items())} if bending.assumed else {}
-    )
-    return json.dumps(words | linear(fabric), indent=2) + "\n"
+    words = {"name": fabric.name, "lost": lost}
+    if bending.assumed:
+        words["assumed"] = "; ".join(f"{what}: {why}" for what, why in bending.assumed.items())
+    return json.dumps(words | numbers, indent=2) + "\n"
