@@ -77,13 +77,7 @@ def test_the_command():
 def hinged(cell, x, y):
     """Nodes (n, 2), and hinges (edge, and the two corners across), of an equilateral lattice with this edge."""
     nodes = np.array([(cell * (i + 0.5 * (j % 2)), cell * j * np.sqrt(3) / 2) for j in range(y) for i in range(x)])
-    triangles = [
-        (a, b, c)
-        for a, b, c in Delaunay(nodes).simplices
-        if np.linalg.norm(nodes[a] - nodes[b]) < 1.1 * cell
-        and np.linalg.norm(nodes[b] - nodes[c]) < 1.1 * cell
-        and np.linalg.norm(nodes[a] - nodes[c]) < 1.1 * cell
-    ]
+    triangles = [t for t in Delaunay(nodes).simplices if np.ptp(nodes[t], axis=0).max() < 1.1 * cell]
     across = {}
     for triangle in triangles:
         for k in range(3):

@@ -5,10 +5,11 @@ does not take along, and the numbers below solve their own formulas for the fabr
 
 - ppf-contact-solver (github.com/st-tech/ppf-contact-solver; docs/blender_addon/workflow/params/material.md, energy.cu):
   young-mod and poiss-rat give mu and lambda as in three dimensions; the Baraff-Witkin model has mu/2 (stretch - 1)^2
-  along each yarn and lambda/2 (warp . weft)^2, over the density in kg/m2; a hinge has 1.28e-5 bend density L^2/(A1 + A2);
-- newton (github.com/newton-physics/newton; ModelBuilder.add_cloth_mesh, solvers/vbd/particle_vbd_kernels.py): tri_ke and
-  tri_ka are Lame's constants mu and lambda of an isotropic sheet in N/m; an edge has edge_ke/2 times its length and the
-  square of its angle, so that edge_ke (N) goes with the mesh;
+  along each yarn and lambda/2 (warp . weft)^2, times the density in kg/m2; a hinge has the stiffness
+  1.28e-5 bend density L^2/(A1 + A2);
+- newton (github.com/newton-physics/newton; ModelBuilder.add_cloth_mesh, solvers/vbd/particle_vbd_kernels.py): tri_ke
+  and tri_ka are Lame's constants mu and lambda of an isotropic sheet in N/m; an edge has edge_ke/2 times its length and
+  the square of its angle, so that edge_ke (N) goes with the mesh;
 - blender (docs.blender.org/api, bpy.types.ClothSettings; SIM_mass_spring.cc): springs of stiffness over the mean edge,
   diagonals for shear, 0.1 bending_stiffness times the edge for a hinge, as a force at the vertices of both faces, and a
   mass for each vertex: all of them go with the mesh, and none has a unit there.
@@ -22,17 +23,17 @@ import numpy as np
 HINGE = 1.28e-5  # of bend, m4/s2
 EQUILATERAL = 2 / np.sqrt(3)  # L^2/(A1 + A2) of two such triangles
 LOST = {
-    "ppf": "the slopes at rest alone, and the geometric mean of warp and weft in tension and bending; no Poisson's ratio "
-    "of the cloth (poiss-rat is used up for the shear), no curves, unloading, friction or softening",
-    "newton": "an isotropic sheet: the geometric mean of warp and weft in tension and bending, the mean Poisson's ratio, "
-    "and a shear that follows from both; no curves, unloading, friction or softening",
+    "ppf": "the slopes at rest alone, and the geometric mean of warp and weft in tension and bending; no Poisson's "
+    "ratio of the cloth (poiss-rat is used up for the shear), no curves, unloading, friction or softening",
+    "newton": "an isotropic sheet: the geometric mean of warp and weft in tension and bending, the mean Poisson's "
+    "ratio, and a shear that follows from both; no curves, unloading, friction or softening",
     "blender": "springs along edges and diagonals: the geometric mean of warp and weft, no Poisson's ratio, no curves, "
     "unloading, friction or softening; a mesh of squares along the yarns is taken for granted",
 }
 
 
 def numbers(n: dict[str, float], format: str, edge: float) -> dict[str, object]:
-    """The numbers of a program, `ppf`, `newton` or `blender`, from those of `exporting.linear`; edge of its mesh in m."""
+    """The numbers of `ppf`, `newton` or `blender` from those of `exporting.linear`; edge of the mesh in m."""
     tension, B = (
         float(np.sqrt(n[f"{key}_warp_{unit}"] * n[f"{key}_weft_{unit}"]))
         for key, unit in (("tension", "N_per_m"), ("bending", "N_m"))
