@@ -65,7 +65,7 @@ FLOORS = [
     {
         "garments": [
             {"panels", "limb", "outlines"},
-            {"sewing", "limbs", "dxf"},
+            {"sewing", "limbs", "dxf", "measures"},
             {"dressing", "garmentcode"},
             {"patterns"},
         ]

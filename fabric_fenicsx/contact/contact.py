@@ -115,10 +115,17 @@ class Contact:
         self._around.place()
         return self._around.collisions.crossed()
 
-    def forces(self) -> Array:
-        """Of contact and friction on the sheet's nodes, (n, 3) in N, in the order of `Skin`."""
+    def nodes(self) -> Array:
+        """Where the sheet's nodes are now, (n, 3) in m, in the order of `Skin`."""
+        self._around.place()
+        return self._around.collisions.nodes
+
+    def forces(self, body: Body | None = None) -> Array:
+        """Of contact and friction on the sheet's nodes, (n, 3) in N, in the order of `Skin`, or on a body's corners."""
         self._around.place()
         with self._around.looking_back():
+            if body is not None:
+                return -self._on(body)[1]
             return -self._all()[: len(self._around.skin.rest)]
 
     def force(self, body: Body) -> Array:

@@ -20,6 +20,8 @@ from ..laws import Array
 type Vector = Sequence[float]
 FILLET = 0.5
 """Of the radius at a joint: what rounds the fold of a limb that is bent by 180 degrees."""
+STEP = 1e-3
+"""Degrees, for differences by the angle."""
 TURN = 4.0
 """Degrees between two frames of a motion."""
 
@@ -172,6 +174,14 @@ class Limb:
         point = np.append(0.0, self._line(np.array([bend.place]), self._angles(degrees))[0][0])
         centre, axis = point @ frame + np.array(self.origin, dtype=float), bend.sign * frame[0]
         return Joint((*map(float, centre),), (*map(float, axis),))  # type: ignore[arg-type]
+
+    def rates(self, name: str, **degrees: float) -> Array:
+        """How far the corners of the skin go with the angle of a joint, in a pose: (n, 3), m/rad."""
+        self.joint(name)
+        at, most = degrees.get(name, dict(self.posture).get(name, 0.0)), self.joints.get(name, Bend(0.0, 360.0)).most
+        low, high = max(at - STEP, -most), min(at + STEP, most)
+        ends = [self.pose(**{**degrees, name: angle}) for angle in (low, high)]
+        return np.asarray((ends[1] - ends[0]) / np.radians(high - low))
 
     def motion(self, times: Sequence[float] | Array, **degrees: Sequence[float] | Array) -> Deforming:
         """A body that goes through these angles at these times (s), without a jump of its speed, see `Deforming`.

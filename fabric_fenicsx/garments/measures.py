@@ -1,0 +1,150 @@
+"""What a garment does to its wearer: moments at joints, pressure on the skin, strain and slip of the cloth.
+
+moment = joint_moment(touch.forces(arm), limb.rates("elbow", elbow=60.0))
+on_skin = pressed(touch.pressure(arm), touch.places(arm), arm.faces)
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from mpi4py import MPI
+
+from ..contact.bodies import Body
+from ..contact.contact import Contact
+from ..errors import InputError
+from ..fabrics import Fabric
+from ..laws import Array
+from ..sheet import Sheet
+from ..surfaces import placing
+from .limb import Joint
+
+
+def joint_moment(forces: Array, rates: Array) -> float:
+    """Moment with which the cloth turns a joint, N m; negative where it resists a bend that goes on.
+
+    Args:
+        forces: of the sheet on the corners of the skin (n, 3), N; see `Contact.forces`.
+        rates: how far the corners go with the angle (n, 3), m/rad; see `Limb.rates`. So the work of the moment over the
+            angle is that of all forces over the way of the skin, which bends, too.
+    """
+    return float(np.sum(forces * rates))
+
+
+def work(degrees: Sequence[float] | Array, moments: Sequence[float] | Array) -> Array:
+    """Work of a moment (N m) over its angle up to each of these moments, J; by trapezoids."""
+    angle, M = np.radians(degrees), np.asarray(moments, dtype=float)
+    if angle.shape != M.shape or angle.ndim != 1:
+        raise InputError(f"There are {angle.size} angles for {M.size} moments; give one each.")
+    return np.concatenate([[0.0], np.cumsum(np.diff(angle) * (M[1:] + M[:-1]) / 2)])
+
+
+@dataclass(frozen=True)
+class Pressed:
+    """Pressure on a skin: its mean where it is pressed and its peak, Pa, that area, and the force of it all, N."""
+
+    mean: float
+    peak: float
+    area: float
+    force: float
+
+
+def pressed(pressure: Array, places: Array, faces: np.ndarray) -> Pressed:
+    """Of a pressure at the corners of a skin, see `Contact.pressure`; each counts with its share of the triangles."""
+    share = np.bincount(faces.ravel(), np.repeat(_areas(places, faces) / 3, 3), minlength=len(places))
+    on = pressure > 0.0
+    area, force = float(share[on].sum()), float((share * pressure)[on].sum())
+    return Pressed(force / area if on.any() else 0.0, float(pressure.max(initial=0.0)), area, force)
+
+
+def skin_strain(rest: Array, now: Array, faces: np.ndarray) -> Array:
+    """Principal Green strains of each triangle of a skin (m, 2), the larger first."""
+    metric = []
+    for x in (rest, now):
+        a, b = x[faces[:, 1]] - x[faces[:, 0]], x[faces[:, 2]] - x[faces[:, 0]]
+        metric.append(np.stack([np.stack([np.sum(p * q, axis=1) for q in (a, b)], axis=1) for p in (a, b)], axis=1))
+    squares = np.linalg.eigvals(np.linalg.solve(*metric)).real
+    return np.asarray(np.sort((squares - 1) / 2, axis=1)[:, ::-1])
+
+
+def cloth_strain(strain: Array) -> Array:
+    """Principal Green strains (n, 2) from E11, E22, 2 E12 of cells, the larger first."""
+    mean, half = (strain[:, 0] + strain[:, 1]) / 2, (strain[:, 0] - strain[:, 1]) / 2
+    radius = np.hypot(half, strain[:, 2] / 2)
+    return np.stack([mean + radius, mean - radius], axis=1)
+
+
+def middles(sheet: Sheet) -> Array:
+    """Where the middles of this rank's cells are now, ghosts included, (n, 3) in m."""
+    u = sheet.displacement()
+    V = u.function_space
+    x = V.tabulate_dof_coordinates() if placing.of(V.mesh) is None else placing.places(V)
+    return np.asarray((x + u.x.array.reshape(-1, 3))[V.dofmap.list].mean(axis=1))
+
+
+def near(points: Array, joint: Joint, within: float) -> np.ndarray:
+    """Which points are this near to a joint, m."""
+    return np.asarray(np.linalg.norm(points - np.array(joint.centre), axis=1) < within)
+
+
+def beyond(strain: Array, fabric: Fabric) -> np.ndarray:
+    """Where strains of cells, E11, E22 and 2 E12, pass what has been measured of a fabric: (n, 3)."""
+    limits = np.array([fabric.warp.limit, fabric.weft.limit, fabric.shear.limit])
+    return np.stack([strain[:, 0], strain[:, 1], np.abs(strain[:, 2])], axis=1) > limits
+
+
+def share(mask: np.ndarray, weights: Array, comm: MPI.Comm) -> float:
+    """Part of the weights, such as areas of own cells, where a mask holds, over all ranks."""
+    on, total = comm.allreduce(float(weights[mask].sum())), comm.allreduce(float(weights.sum()))
+    return on / total if total else 0.0
+
+
+class Slip:
+    """How far the nodes of a sheet slide over a body; a `step` after each step of a motion, on every rank.
+
+    Each node goes with the place of the skin that is nearest to it at the start of a step. Public: `way`, what each has
+    slid so far while within reach of the body, m, in the order of `Contact.forces`; `touching`, which are so now.
+    """
+
+    def __init__(self, touch: Contact, body: Body) -> None:
+        self._touch, self._body = touch, body
+        self.way = np.zeros(len(touch.nodes()))
+        self._look()
+
+    def _look(self) -> None:
+        """Where the nodes and the nearest places of the skin are."""
+        import pyvista
+
+        self._nodes, x, faces = self._touch.nodes(), self._touch.places(self._body), self._body.faces
+        surface = pyvista.PolyData(x, np.insert(faces, 0, 3, axis=1).ravel())
+        found: Any = surface.find_closest_cell(self._nodes, return_closest_point=True)
+        cells, closest = (np.asarray(part) for part in found)
+        off = np.linalg.norm(closest - self._nodes, axis=1)
+        self.touching = off < self._touch.offset + self._touch.reach
+        self._corners = faces[cells]
+        a, b, c = x[self._corners].transpose(1, 0, 2)
+        rows = np.stack([a - c, b - c], axis=2)
+        two = np.einsum("nij,nj->ni", np.linalg.pinv(rows), closest - c)
+        self._weights = np.column_stack([two, 1.0 - two.sum(axis=1)])
+        self._skin = closest
+
+    def step(self) -> Array:
+        """What each node has slid since the last look, m."""
+        x = self._touch.places(self._body)
+        a, b, c = x[self._corners].transpose(1, 0, 2)
+        skin = np.einsum("nk,nki->ni", self._weights, x[self._corners])
+        normal = np.cross(b - a, c - a)
+        normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+        slid = (self._touch.nodes() - self._nodes) - (skin - self._skin)
+        slid -= np.sum(slid * normal, axis=1, keepdims=True) * normal
+        before = self.touching
+        self._look()
+        way = np.linalg.norm(slid, axis=1) * (before & self.touching)
+        self.way += way
+        return np.asarray(way)
+
+
+def _areas(x: Array, faces: np.ndarray) -> Array:
+    a, b, c = x[faces].transpose(1, 0, 2)
+    return np.asarray(np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2)
