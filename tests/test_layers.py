@@ -139,7 +139,8 @@ def test_a_room_imports_only_rooms_above_it(path):
 def test_only_those_who_need_them_know_of_fenics_petsc_and_gmsh(path):
     here, outside = room_of(path), set(imports(path))
     light = ("errors", "system", "app.doctor", "plots", "entries", "fabrics", "laws", "identify")
-    if (here in light or here.startswith("photographs.")) and path.name != "inverse.py":
+    simulates = path.name in ("inverse.py", "simulated.py")
+    if (here in light or here.startswith("photographs.")) and not simulates:
         assert not {name.split(".")[0] for name in outside} & FENICS
     if here not in PETSC and not here.startswith("solvers."):
         assert not any(name.startswith(("petsc4py", "dolfinx.fem.petsc")) for name in outside)
@@ -148,12 +149,15 @@ def test_only_those_who_need_them_know_of_fenics_petsc_and_gmsh(path):
 
 
 @every_file
-def test_only_the_inverse_simulation_of_identify_needs_a_scene(path):
-    if room_of(path) == "identify" and path.name != "inverse.py":
+def test_only_simulated_strips_of_identify_need_a_scene(path):
+    scenes = "inverse", "simulated"
+    if room_of(path) == "identify" and path.stem not in scenes:
         rooms = {name.split(".")[1] for name in imports(path) if name.startswith("fabric_fenicsx.")}
         assert rooms <= {"errors", "fabrics", "laws", "identify"}
         if path.name != "making.py":  # where it is asked for
-            assert not any(name.startswith("fabric_fenicsx.identify.inverse") for name in imports(path))
+            assert not any(
+                name.startswith(f"fabric_fenicsx.identify.{room}") for name in imports(path) for room in scenes
+            )
 
 
 @every_file

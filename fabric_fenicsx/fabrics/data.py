@@ -44,7 +44,7 @@ class Curve:
         return np.asarray(polynomial.polyval(inside, self.modulus))
 
 
-type TransverseSource = Literal["assumed", "biaxial record", "contraction of clamped strips"]
+type TransverseSource = Literal["assumed", "biaxial record", "contraction of clamped strips", "strips off the yarns"]
 TRANSVERSE_SOURCES: tuple[str, ...] = get_args(TransverseSource.__value__)
 TRANSVERSE = 0.3
 """Where nothing was measured: with 0.1 to 0.3 clamped strips give back their curves and their contraction."""

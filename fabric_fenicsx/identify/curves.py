@@ -72,7 +72,7 @@ class Loading:
 
     def stress(self, strain: Array) -> Array:
         """Stress (Pa)."""
-        return _powers(np.asarray(strain), len(self.modulus)) @ np.array(self.modulus)
+        return powers(np.asarray(strain), len(self.modulus)) @ np.array(self.modulus)
 
     def tangent(self, strain: Array) -> Array:
         """Modulus (Pa)."""
@@ -96,12 +96,12 @@ def loading(specimens: Sequence[Readings]) -> Loading:
     scores = [n * np.log(max(rss, 1e-300) / n) + len(c) * np.log(n) for c, rss, _ in fits]
     c, rss, held = fits[int(np.argmin(scores))]
     terms = len(c)
-    P = _powers(np.linspace(0, 1, 51), terms)
+    P = powers(np.linspace(0, 1, 51), terms)
     if len(parts) > 1:
         alone = np.array([_constrained(x, y, np.ones(len(x)), terms)[0] for x, y in parts])
         covariance = np.cov(alone.T) / len(parts)
     else:
-        A = _powers(x, terms)
+        A = powers(x, terms)
         covariance = np.linalg.inv(A.T @ A) * rss / max(n - terms, 1)
     to_pa, top = scale / limit ** np.arange(1, terms + 1), float(P[-1] @ c)
     return Loading(
@@ -114,7 +114,7 @@ def loading(specimens: Sequence[Readings]) -> Loading:
     )
 
 
-def _powers(x: Array, terms: int) -> Array:
+def powers(x: Array, terms: int) -> Array:
     """Columns x, x^2/2, ... that the coefficients of the modulus multiply."""
     k = np.arange(1, terms + 1)
     return x[..., None] ** k / k
@@ -122,7 +122,7 @@ def _powers(x: Array, terms: int) -> Array:
 
 def offset(strain: Array, force: Array) -> float:
     """Where a free quartic through the loading of one specimen begins; zero if within three standard errors of zero."""
-    A = np.hstack([np.ones((len(strain), 1)), _powers(strain / strain.max(), 4)])
+    A = np.hstack([np.ones((len(strain), 1)), powers(strain / strain.max(), 4)])
     c, *_ = np.linalg.lstsq(A, force)
     variance = float(((A @ c - force) ** 2).sum()) / max(len(force) - 5, 1)
     error = float(np.sqrt(np.linalg.pinv(A.T @ A)[0, 0] * variance))
@@ -132,7 +132,7 @@ def offset(strain: Array, force: Array) -> float:
 def _constrained(x: Array, y: Array, weight: Array, terms: int) -> tuple[Array, float, bool]:
     """Coefficients (terms,), weighted sum of squares, and whether the constraint was at work; x in [0, 1]."""
     root = np.sqrt(weight)
-    A, b = _powers(x, terms) * root[:, None], y * root
+    A, b = powers(x, terms) * root[:, None], y * root
     c, *_ = np.linalg.lstsq(A, b)
     # the modulus c . (1, x, x^2, ...) at so many points that between them it cannot fall noticeably below
     wall, floor = np.linspace(0, 1, 101)[:, None] ** np.arange(terms), LEAST * max(float(y.max()), 1e-12)

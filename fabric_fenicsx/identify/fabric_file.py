@@ -6,7 +6,7 @@ from pathlib import Path
 from .. import fabrics
 from ..errors import InputError
 from . import bending
-from .identification import WAYS, Identified
+from .identified import WAYS, Identified
 
 
 def write(found: Identified, folder: str | Path) -> tuple[Path, fabrics.Fabric]:
@@ -43,6 +43,10 @@ def toml(found: Identified) -> str:
     lines += ["", "[poisson]", f"measured = {{ {ratios} }}  # {said}", "", "[test]"]
     lines += [f"gauge_length_mm = {1e3 * strip.gauge_length:.9g}", f"width_mm = {1e3 * strip.width:.9g}"]
     lines += [f"{way}_displacement_mm = {1e3 * found.displacement[way]:.7g}" for way in ("warp", "weft", "bias")]
+    if found.transverse:
+        source = "biaxial record" if any(not one.held_out for one in found.biaxial) else "strips off the yarns"
+        lines += ["", "[transverse]", *(f"{way} = {e.value:.6g}  # {e}" for way, e in found.transverse.items())]
+        lines += [f'source = "{source}"']
     lines += ["", "[sources]"]
     for way in WAYS:
         curve = found.curves[way]
@@ -63,6 +67,7 @@ def _curve(found: Identified, way: str) -> list[str]:
     fit, measured = found.curves[way].loading, found.curves[way].unloading
     coefficients = ", ".join(f"{c / 1e6:.7g}" for c in fit.modulus)
     errors = ", ".join(f"{e / 1e6:.2g}" for e in fit.errors)
+    friction = found.friction if way == "shear" else None
     # rounded up, for it must not come to lie below the largest loading modulus
     unloading = f"{found.unloading(way) / 1e6 * (1 + 1e-6):.9g}"
     return [
@@ -70,4 +75,13 @@ def _curve(found: Identified, way: str) -> list[str]:
         f"loading_MPa = [{coefficients}]  # ± [{errors}]",
         f"unloading_MPa = {unloading}  # " + (f"± {measured.error / 1e6:.2g}" if measured else "not measured"),
         f"limit_strain = {fit.limit:.7g}",
+        *(_friction(friction) if friction else []),
     ]
+
+
+def _friction(friction: fabrics.ShearFriction) -> list[str]:
+    """Lines of [shear]; its strain is E12."""
+    first = {"friction_MPa": friction.friction / 1e6, "friction_kept": friction.kept}
+    first |= {"friction_strain": friction.strain / 2}
+    rest = {key: getattr(friction, key) for key in ("set_in", "returned", "softening", "rejoining")}
+    return [f"{key} = {value:.6g}" for key, value in (first | rest).items()]

@@ -1,140 +1,17 @@
 """From the records of a fabric's tests to its curves and Poisson's ratios."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 
 import numpy as np
 
 from ..errors import InputError
 from ..laws import Array
-from . import bending_fit, branches, curves, listing, markers, origin, picture_frame, records, sheets
-from .curves import Estimate, Loading, Readings
+from . import bending_fit, branches, curves, cycles, listing, markers, origin, picture_frame, records, sheets, strips
+from .curves import Estimate, Readings
+from .identified import NOT_TESTED, WAYS, Compared, Curve, Identified
 
-WAYS = ("warp", "weft", "shear")
-POOR = 0.1  # root mean square of a fit over the peak stress from which on a curve is none of a fabric
-UNSURE = (
-    0.3  # standard error over the value of an unloading modulus, and scatter of a ratio from patch to patch, likewise
-)
-NOT_TESTED = "compression, bending, tension in both directions at once, the rate, and strains beyond the ranges"
-
-
-@dataclass(frozen=True)
-class Curve:
-    """One curve with its data; of the shear, strain is E12 and stress S12."""
-
-    loading: Loading
-    unloading: Estimate | None  # Pa; None where no record comes back
-    readings: list[Readings]
-    ways_back: list[tuple[Array, Array]]  # strain and stress (Pa) from each peak on
-    how: str = "measured"
-    simulated: tuple[Array, Array] | None = (
-        None  # axial strain and stress (Pa) of the strip that was fitted to the test
-    )
-
-
-@dataclass(frozen=True)
-class Identified:
-    """What the tests of a fabric tell."""
-
-    tests: listing.Tests
-    curves: dict[str, Curve]  # "warp", "weft", "shear", as far as known
-    poisson: dict[str, Estimate]  # "nu12", "nu21", as far as measured
-    contractions: dict[str, list[markers.Contraction]]
-    bias: Curve | None  # axial stress over axial strain of the bias test
-    bias_records: list[records.Record]
-    displacement: dict[str, float]  # m
-    yarn_stretch: float | None  # largest, of the marked yarns
-    notes: list[str] = field(default_factory=list)
-    tested: list[records.Record] = field(default_factory=list)  # all records of force
-    bending: bending_fit.IdentifiedBending | None = None
-
-    @property
-    def kilby(self) -> float | None:
-        """Shear modulus (Pa) by (3.4), with nu12/E1 + nu21/E2, from initial moduli; None if one is not known."""
-        if (
-            self.bias is None
-            or not {"warp", "weft"} <= self.curves.keys()
-            or not {"nu12", "nu21"} <= self.poisson.keys()
-        ):
-            return None
-        E1, E2, E45 = (
-            fit.modulus[0] for fit in (self.curves["warp"].loading, self.curves["weft"].loading, self.bias.loading)
-        )
-        nu12, nu21 = (self.poisson[key].value for key in ("nu12", "nu21"))
-        compliance = 4 / E45 - 1 / E1 - 1 / E2 + nu12 / E1 + nu21 / E2
-        return 1 / compliance if compliance > 0 else None
-
-    @property
-    def undetermined(self) -> list[str]:
-        """What the data do not tell, in words."""
-        out = []
-        for way in WAYS:
-            if way not in self.curves:
-                out.append(
-                    f"{way} curve: " + ("no photographs of the yarns" if way == "shear" and self.bias else "no test")
-                )
-                continue
-            curve = self.curves[way]
-            if curve.unloading is None:
-                given = f"{way}_unloading_MPa" in self.tests.assumed
-                instead = "assumed" if given else "the least possible, its largest loading modulus, is taken"
-                out.append(f"{way} unloading: no record comes back; {instead}")
-            c0, error = curve.loading.modulus[0], curve.loading.errors[0]
-            if error > 0.5 * c0 or curve.loading.held:
-                out.append(
-                    f"{way} initial modulus: {c0 / 1e6:.3g} ± {error / 1e6:.2g} MPa"
-                    + (", held positive" * curve.loading.held)
-                )
-        for key in ("nu12", "nu21"):
-            if key not in self.poisson:
-                out.append(f"{key}: no dots" + (", assumed" if key in self.tests.assumed else ""))
-        out += self.bending.undetermined if self.bending else []
-        return [*out, f"not tested: {NOT_TESTED.replace('bending, ', '') if self.bending else NOT_TESTED}"]
-
-    @property
-    def fits(self) -> list[str]:
-        """How well each curve meets its data, in words."""
-        known = self.curves | ({"bias": self.bias} if self.bias else {})
-        out = [
-            f"{way} curve: {curve.how}, to a strain of {curve.loading.limit:.3g}; "
-            f"fit error (rms) {100 * curve.loading.residual:.2g} % of the peak stress"
-            for way, curve in known.items()
-        ]
-        return out + (self.bending.fits if self.bending else [])
-
-    @property
-    def doubts(self) -> list[str]:
-        """What the records tell so badly that a fabric of it would be wrong, in words."""
-        known = self.curves | ({"bias": self.bias} if self.bias else {})
-        out = [
-            f"{way} curve: fit error (rms) {100 * curve.loading.residual:.2g} % of the peak stress"
-            for way, curve in known.items()
-            if not curve.loading.residual < POOR
-        ]
-        out += [word for record in self.tested for word in record.doubts]
-        for way, curve in self.curves.items():
-            if curve.unloading and not abs(curve.unloading.error) < UNSURE * abs(curve.unloading.value):
-                value, error = curve.unloading.value / 1e6, curve.unloading.error / 1e6
-                out.append(f"{way} unloading: {value:.4g} ± {error:.2g} MPa")
-        for key, several in self.contractions.items():
-            worst = max(several, key=lambda one: np.nan_to_num(one.patches))
-            if worst.patches > UNSURE * max(abs(worst.ratio), 1.0):
-                out.append(f"{key}: {worst.ratio:.4g}, from patch to patch of a strip ± {worst.patches:.2g}")
-        return out
-
-    def unloading(self, way: str) -> float:
-        """Unloading modulus (Pa) for the fabric: measured, else assumed, but nowhere less than the loading modulus."""
-        curve = self.curves[way]
-        least = float(curve.loading.tangent(np.linspace(0, curve.loading.limit, 1001)).max())
-        known = curve.unloading.value if curve.unloading else 1e6 * self.tests.assumed.get(f"{way}_unloading_MPa", 0.0)
-        return max(known, least)
-
-    def ratio(self, key: str) -> float:
-        """Poisson's ratio for the fabric: measured, else assumed; a negative one within two errors of zero is zero."""
-        if key not in self.poisson:
-            return self.tests.assumed[key]
-        value, error = self.poisson[key].value, self.poisson[key].error
-        return 0.0 if -2 * error < value < 0 else value
+__all__ = ["NOT_TESTED", "WAYS", "Compared", "Curve", "Identified", "identify"]
 
 
 def identify(tests: listing.Tests) -> Identified:
@@ -144,17 +21,35 @@ def identify(tests: listing.Tests) -> Identified:
     found: dict[str, Curve] = {}
     notes: list[str] = []
     displacement: dict[str, float] = {}
-    bias, bias_records, stretch = None, [], None
+    bias, bias_records, stretch, cycled = None, [], None, None
     tested: list[records.Record] = []
+    thickness = tests.strip.thickness
+    if tests.frames:
+        seen = picture_frame.shear(tests.frames, tests.strip.thickness, tests.columns, tests.preload)
+        how = "measured in picture frames"
+        found["shear"] = Curve(curves.loading(seen.readings), _slope(seen.slopes), seen.readings, seen.back, how)
+        found["shear"], cycled, said = _cycles(found["shear"], seen)
+        notes += said
+        notes, tested = notes + seen.notes, tested + seen.records
+    slanted = [
+        strips.load(one, tests.columns, tests.preload, cycled is not None)
+        for one in tests.strips
+        if one.off_yarns or one.held_out
+    ]
     for way in ("warp", "weft", "bias"):
-        if way not in tests.records:
+        specimens = _specimens(tests, way)
+        if not specimens:
             continue
-        read = [one for path in tests.records[way] for one in records.read_all(path, tests.strip, tests.columns)]
+        sizes = [strip for _, strip in specimens]
+        read = [record for record, _ in specimens]
         parts = [branches.split(record) for record in read]
-        begun = [origin.find(*both, tests.strip.gauge_length, tests.preload) for both in zip(read, parts, strict=True)]
+        begun = [
+            origin.find(record, part, strip.gauge_length, tests.preload, friction=way == "bias" and bool(cycled))
+            for record, part, strip in zip(read, parts, sizes, strict=True)
+        ]
         read, parts = [record for record, _ in begun], [part for _, part in begun]
         tested += read
-        axial = _curve(tests.strip, read, parts)
+        axial = _curve(sizes, read, parts)
         notes += [note for r, p in zip(read, parts, strict=True) for note in (*r.notes, *p.notes)]
         displacement[way] = tests.strip.gauge_length * (np.sqrt(1 + 2 * axial.loading.limit) - 1)
         if way != "bias":
@@ -162,15 +57,12 @@ def identify(tests: listing.Tests) -> Identified:
             continue
         bias, bias_records = axial, read
         marked = [k for k, record in enumerate(read) if record.yarns]
-        if marked:
+        if marked and not tests.frames:
             found["shear"], said = _shear(tests.strip, [read[k] for k in marked], [parts[k] for k in marked])
             notes += said
+        if marked:
             stretch = max(float(np.nanmax(read[k].yarns[f"{w}_stretch"])) for k in marked for w in ("warp", "weft"))
     if tests.frames:
-        seen = picture_frame.shear(tests.frames, tests.strip.thickness, tests.columns, tests.preload)
-        how = "measured in picture frames"
-        found["shear"] = Curve(curves.loading(seen.readings), _slope(seen.slopes), seen.readings, seen.back, how)
-        notes, tested = notes + seen.notes, tested + seen.records
         reach = np.sqrt(1 + 2 * found["shear"].loading.limit) - 1
         displacement.setdefault("bias", tests.strip.gauge_length * float(reach))
     contractions = {
@@ -184,25 +76,57 @@ def identify(tests: listing.Tests) -> Identified:
     }
     bent = bending_fit.fit(tests.bending, tests.areal_mass) if tests.bending else None
     notes += bent.notes if bent else []
+    tested += [record for _, several in slanted for record in several]
+    notes += [note for _, several in slanted for record in several for note in record.notes]
     answer = Identified(
-        tests, found, poisson, contractions, bias, bias_records, displacement, stretch, notes, tested, bent
-    )
+        tests, found, poisson, contractions, bias, bias_records, displacement, stretch, notes, tested, bent,
+        tuple(one for one, _ in slanted), tuple(strips.load_biaxial(one, thickness) for one in tests.biaxial),
+        friction=cycled.friction if cycled else None, cycled=cycled,
+    )  # fmt: skip
     return replace(answer, notes=notes + _remarks(answer))
+
+
+def _cycles(shear: Curve, seen: picture_frame.Sheared) -> tuple[Curve, cycles.Cycles | None, list[str]]:
+    """Shear from whole records of several cycles, with friction where they show it, and what they do not tell of it."""
+    if not seen.whole:
+        return shear, None, []
+    slope = shear.unloading.value if shear.unloading else 0.0
+    least = float(shear.loading.tangent(np.linspace(0, shear.loading.limit, 101)).max())
+    told = cycles.fit(seen.whole, shear.loading, max(slope, least))
+    if told is None:
+        return shear, None, []
+    value, error = told.unloading
+    new = replace(
+        shear, loading=told.loading, unloading=Estimate(value, error, len(seen.whole)),
+        how=f"{shear.how}, with friction", friction=told.friction.friction,
+    )  # fmt: skip
+    words = [
+        f"shear in cycles: misfit (rms) {100 * told.residual:.2g} % of the peak stress with friction and softening, "
+        f"{100 * told.without:.2g} % without"
+    ]
+    names = ", ".join(told.untold)
+    return (
+        new,
+        told,
+        words + ([f"shear in cycles does not tell {names}, which are near what is assumed"] if names else []),
+    )
 
 
 def _of_sheet(tests: listing.Tests, sheet: sheets.Sheet) -> Identified:
     """What the sheet of a laboratory tells: no contraction, and of FAST no way back."""
     strip, found = tests.strip, {}
+    sheared = sheets.shear(sheet, strip.thickness)
     for way in WAYS:
-        both = sheets.shear(sheet, strip.thickness) if way == "shear" else sheets.tension(sheet, way, strip.thickness)
+        both = (sheared.readings, sheared.unloading) if way == "shear" else sheets.tension(sheet, way, strip.thickness)
         found[way] = Curve(curves.loading(both[0]), both[1], both[0], [], f"from a sheet of {sheet.kind.upper()}")
     displacement = {
         way: strip.gauge_length * (np.sqrt(1 + 2 * found[curve].loading.limit) - 1)
         for way, curve in (("warp", "warp"), ("weft", "weft"), ("bias", "shear"))
     }
     bent = bending_fit.fit(sheet.bending, tests.areal_mass)
-    answer = Identified(tests, found, {}, {}, None, [], displacement, None, bent.notes, [], bent)
-    return replace(answer, notes=bent.notes + _remarks(answer))
+    notes, friction = [*bent.notes, *sheared.notes], sheared.friction
+    answer = Identified(tests, found, {}, {}, None, [], displacement, None, notes, [], bent, friction=friction)
+    return replace(answer, notes=notes + _remarks(answer))
 
 
 def _remarks(answer: Identified) -> list[str]:
@@ -217,10 +141,19 @@ def _remarks(answer: Identified) -> list[str]:
     return out
 
 
-def _curve(strip: records.Strip, read: Sequence[records.Record], parts: Sequence[branches.Branches]) -> Curve:
+def _specimens(tests: listing.Tests, way: str) -> list[tuple[records.Record, records.Strip]]:
+    """The records along one direction, each with the size of its strip: of [records], and of [[strip]] at 0 and 90."""
+    listed = [(path, tests.strip) for path in tests.records.get(way, [])]
+    for one in tests.strips:
+        if way != "bias" and not one.off_yarns and not one.held_out and (way == "weft") == (one.angle > 1):
+            listed += [(path, one.strip) for path in one.files]
+    return [(record, strip) for path, strip in listed for record in records.read_all(path, strip, tests.columns)]
+
+
+def _curve(sizes: Sequence[records.Strip], read: Sequence[records.Record], parts: Sequence[branches.Branches]) -> Curve:
     """The axial curve of tests along one direction."""
     readings, back, slopes = [], [], []
-    for record, part in zip(read, parts, strict=True):
+    for strip, record, part in zip(sizes, read, parts, strict=True):
         E = curves.green_lagrange(record.displacement, strip.gauge_length)
         S = curves.piola_kirchhoff(record.force, record.displacement, strip.gauge_length, strip.area)
         readings.append(Readings(record.file, E[part.virgin], S[part.virgin]))

@@ -25,7 +25,7 @@ from ..solvers import statics
 from ..surfaces import meshing
 from . import curves
 from .curves import Estimate, Readings
-from .identification import Curve, Identified
+from .identified import Curve, Identified
 
 ELEMENTS = {"clamped": ((18, 6), 2, 2), "free": ((9, 3), 1, 2)}
 """Ends -> cells along and across, degree of the displacements, and of what is integrated exactly."""

@@ -45,6 +45,9 @@ Every key; the files that it names are told in `fabric_fenicsx.identify.records`
     frame_mm = 150                  # side of the frame between its hinges, and of the cloth that shears
     specimen_mm = 110
 
+    [[strip]]                       # strips at any angle, each of its own size, and
+    [[biaxial]]                     # specimens drawn along both yarns; see `fabric_fenicsx.identify.strips`
+
 Or the sheet of a laboratory, [kes] or [fast], in the place of gauge_length_mm, width_mm, [records] and [bending]:
 
     [kes]                           # in the units of the sheet; WT may stand for LT
@@ -63,9 +66,10 @@ from pathlib import Path
 from typing import Any
 
 from ..errors import InputError
-from . import bending_tests, picture_frame, sheets
+from . import bending_tests, picture_frame, sheets, strips
 from .keys import expect
 from .records import Strip
+from .strips import BiaxialTest, StripTest
 
 TEXTS = ("name", "label", "material", "weave")
 NUMBERS = ("thickness_mm", "density_kg_per_m3", "gauge_length_mm", "width_mm")
@@ -90,6 +94,9 @@ class Tests:
     bending: bending_tests.BendingTests | None = None
     sheet: sheets.Sheet | None = None
     frames: list[picture_frame.Frame] = field(default_factory=list)
+    strips: list[StripTest] = field(default_factory=list)
+    biaxial: list[BiaxialTest] = field(default_factory=list)
+    ends: str = "clamped"  # of the strips of records, of `strips.ENDS`
 
     @property
     def areal_mass(self) -> float:
@@ -113,7 +120,7 @@ def read(path: str | Path) -> Tests:
         "",
         entries,
         (*TEXTS, *NUMBERS, "records"),
-        ("source", "columns", "preload_N", "assumed", "bending", "frame"),
+        ("source", "columns", "preload_N", "assumed", "bending", "frame", "strip", "biaxial"),
     )
     _words(path, entries)
     numbers = {key: _number(path, key, entries[key]) for key in NUMBERS}
@@ -130,7 +137,9 @@ def read(path: str | Path) -> Tests:
     texts = isinstance(columns, list) and all(isinstance(name, str) for name in columns)
     if not texts or set("".join(columns)) & set(",;\t"):
         raise InputError(f'{path}: columns is not a list of names; write ["displacement (mm)", "force (N)"], say.')
-    if not any(key in records for key in ("warp", "weft", "bias")):
+    thickness = numbers["thickness_mm"] / 1e3
+    slanted = strips.read_strips(path, entries["strip"], thickness) if "strip" in entries else []
+    if not slanted and not any(key in records for key in ("warp", "weft", "bias")):
         raise InputError(f"{path}: records names no tensile test; add warp, weft or bias.")
     return Tests(
         str(path),
@@ -144,6 +153,8 @@ def read(path: str | Path) -> Tests:
         _number(path, "preload_N", entries["preload_N"], zero=True) if "preload_N" in entries else None,
         bending_tests.read(path, entries["bending"]) if "bending" in entries else None,
         frames=picture_frame.read(path, entries["frame"]) if "frame" in entries else [],
+        strips=slanted,
+        biaxial=strips.read_biaxial(path, entries["biaxial"]) if "biaxial" in entries else [],
     )
 
 

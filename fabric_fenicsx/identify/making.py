@@ -6,7 +6,7 @@ from pathlib import Path
 
 from ..errors import InputError
 from ..fabrics import Fabric
-from . import fabric_file, net, report
+from . import comparison, fabric_file, net, report
 from .identification import Identified, identify
 from .listing import read
 
@@ -24,11 +24,12 @@ def make(
 ) -> tuple[Path, Fabric]:
     """Identify the fabric of a list of tests; the path of its file, and the fabric.
 
-    Writes report.pdf, report.png and fabric.toml into `out`. shear: of `SHEAR`; mesh and ends: of the simulated
+    Writes report.pdf, report.png and fabric.toml into `out`, and tests.pdf and tests.png where strips off the yarns or
+    biaxial records are in the list, which goes into one fit then. shear: of `SHEAR`; mesh and ends: of the simulated
     strip, see `inverse.shear`. Raises InputError, after the report, where no whole fabric comes of the tests, and after
     the fabric, where the records do not fit it.
     """
-    found = identify(read(tests))
+    found = identify(replace(read(tests), ends=ends))
     if shear != "photographs":
         found = _without_photographs(found)
         if shear == "net":
@@ -39,8 +40,15 @@ def make(
             say("  looking for the shear curve on a simulated strip ...")
             assert mesh is not None
             found = inverse.shear(found, mesh, ends=ends)
+    if found.strips or found.biaxial:
+        from . import joint, simulated
+
+        say("  one fit of all tests ...")
+        found = joint.fit(found, simulated.strips(mesh) if mesh else None)
     for ending in ("pdf", "png"):
         report.write(found, out / f"report.{ending}")
+        if found.compared:
+            comparison.write(found, out / f"tests.{ending}")
     for word in (*found.notes, *found.fits, "not determined:", *(found.undetermined or ["nothing"])):
         say(f"  {word}")
     path, fabric = fabric_file.write(found, out)

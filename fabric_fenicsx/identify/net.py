@@ -18,7 +18,7 @@ import numpy as np
 from ..errors import InputError, StepFailed
 from . import curves
 from .curves import Readings
-from .identification import Curve, Identified
+from .identified import Curve, Identified
 
 ANGLE = 55.0  # degrees of shear beyond which a net is no picture of a fabric
 

@@ -30,14 +30,18 @@ VAGUE = 0.005  # part of the range: slack of which four standard errors are more
 NEAR = 0.4  # part of the range: a record that begins so near to the zero of its file may have lost its first lines
 
 
-def find(record: Record, part: Branches, gauge_length: float, preload: float | None = None) -> tuple[Record, Branches]:
+def find(
+    record: Record, part: Branches, gauge_length: float, preload: float | None = None, *, friction: bool = False
+) -> tuple[Record, Branches]:
     """The record with displacement and force from where the strip is taut and free of force, and its branches.
 
-    `preload` (N) is that at which the test began, if it is known; zero if a force at the start is an offset. Raises
-    InputError where the force at the start is too large for a pre-load.
+    `preload` (N) is that at which the test began, if it is known; zero if a force at the start is an offset, unless it
+    is `friction` of a taut specimen. Raises InputError where the force at the start is too large for a pre-load.
     """
     d, force = record.displacement[part.virgin], record.force[part.virgin]
     found = _slack(d, force, gauge_length)
+    if found is None and friction:
+        return record, part
     if found is None:
         return _began(record, part, gauge_length, preload), part
     slack, idle, error = found

@@ -17,11 +17,12 @@ import numpy as np
 
 from ..errors import InputError
 from ..laws import Array
-from . import branches, curves, origin, records
+from . import branches, curves, cycles, origin, records
 from .curves import Readings
 from .records import Strip
 
 KEYS = ("file", "frame_mm", "specimen_mm")
+ZEROED = 0.06  # of the peak force: a first reading below it is that of a load cell that was zeroed
 LARGEST = np.radians(85.0)  # shear angle, beyond which the bars meet
 
 
@@ -53,6 +54,7 @@ class Sheared:
     slopes: list[list[tuple[float, float, int] | None]]
     records: list[records.Record]
     notes: list[str]
+    whole: list[tuple[Array, Array]]  # strain and stress of records with several cycles, in the order of the test
 
 
 def read(path: str | Path, entries: Any) -> list[Frame]:
@@ -83,11 +85,12 @@ def read(path: str | Path, entries: Any) -> list[Frame]:
 
 def shear(frames: list[Frame], thickness: float, columns: list[str], preload: float | None) -> Sheared:
     """Strain E12 and stress S12 of all frames; thickness in m."""
-    out = Sheared([], [], [], [], [])
+    out = Sheared([], [], [], [], [], [])
     for frame in frames:
         strip = Strip(np.sqrt(2) * frame.side, frame.specimen, thickness)
         for record in records.read_all(frame.path, strip, columns):
-            record, part = origin.find(record, branches.split(record), strip.gauge_length, preload)
+            rubs = cycles.several(record.displacement) and abs(record.force[0]) < ZEROED * record.force.max()
+            record, part = origin.find(record, branches.split(record), strip.gauge_length, preload, friction=rubs)
             E, S = frame.strain(record.displacement), frame.stress(record.displacement, record.force, thickness)
             if 2 * E.max() > np.sin(LARGEST):
                 d = 1e3 * record.displacement.max()
@@ -98,6 +101,8 @@ def shear(frames: list[Frame], thickness: float, columns: list[str], preload: fl
             out.readings.append(Readings(record.file, E[part.virgin], S[part.virgin]))
             out.back.extend((E[run], S[run]) for run in part.unloading)
             out.slopes.append([curves.unloading(E[run], E[run], S[run]) for run in part.unloading])
+            if rubs:
+                out.whole.append((E, S))
             out.records.append(record)
             out.notes.extend((*record.notes, *part.notes))
     return out

@@ -8,7 +8,7 @@ import numpy as np
 
 from ..laws import Array
 from . import bending_panels
-from .identification import WAYS, Curve, Identified
+from .identified import WAYS, Curve, Identified
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -83,7 +83,7 @@ def _data(axes: "Axes", curve: Curve) -> None:
     for E, S in curve.ways_back:
         _dots(axes, E, S / 1e6, color="0.7", zorder=0)
     E = np.linspace(0, fit.limit, 200)
-    axes.plot(E, fit.stress(E) / 1e6, "k-", lw=1.2)
+    axes.plot(E, (curve.friction + fit.stress(E)) / 1e6, "k-", lw=1.2)
     top = float(fit.stress(np.array(fit.limit))) / 1e6
     axes.set_ylim(-0.05 * top, 1.1 * top)
 
@@ -108,7 +108,7 @@ def _misfit(axes: "Axes", found: Identified, way: str) -> None:
     fit = found.curves[way].loading
     top = float(fit.stress(np.array(fit.limit)))
     for k, readings in enumerate(found.curves[way].readings):
-        miss = 100 * (readings.stress - fit.stress(readings.strain)) / top
+        miss = 100 * (readings.stress - found.curves[way].friction - fit.stress(readings.strain)) / top
         _dots(axes, readings.strain, miss, color=f"C{k}", alpha=0.5)
     axes.axhline(0.0, color="k", lw=1.0)
     axes.set_xlim(-0.02 * fit.limit, 1.08 * fit.limit)

@@ -22,16 +22,15 @@ import numpy as np
 from scipy.interpolate import PchipInterpolator
 
 from ..errors import InputError
+from ..fabrics import ShearFriction
+from ..fabrics.friction import GF_CM, KES_REACH, kes_unloading, of_kes
 from ..laws import Array
 from . import bending_tests
 from .curves import Estimate, Readings
 from .keys import expect
 from .records import Strip
 
-GF_CM = 0.980665
-"""N/m per gf/cm."""
 KES_FORCE = 500 * GF_CM  # N/m, at which EM is read
-KES_SHEAR = np.radians(8.0)  # to which KES shears
 FAST_SHEAR = 123.0  # N/m x %, G of EB5
 POINTS = 101
 ALONE = 0.1  # of an unloading modulus: standard error of a single specimen
@@ -151,20 +150,40 @@ def _fast_force(one: dict[str, float]) -> tuple[Array, Array]:
     return strain, GF_CM * PchipInterpolator(known, [0.0, 5.0, 20.0, 100.0])(strain)
 
 
-def shear(sheet: Sheet, thickness: float) -> tuple[list[Readings], Estimate | None]:
-    """Readings of E12 and S12 (Pa), and the unloading modulus dS12/dE12 (Pa): of KES the line from 8 degrees to its
-    loop at 5."""
-    angle = np.linspace(0, KES_SHEAR, POINTS)
+@dataclass(frozen=True)
+class Sheared:
+    """Readings of E12 and S12 (Pa), without the friction that stands on top; unloading modulus dS12/dE12 (Pa)."""
+
+    readings: list[Readings]
+    unloading: Estimate | None = None
+    friction: ShearFriction | None = None
+    notes: tuple[str, ...] = ()
+
+
+def shear(sheet: Sheet, thickness: float) -> Sheared:
+    """Of KES a line, and by closed formulas the friction of its loop, with an unloading that closes it by 5 degrees; of
+    a loop that no friction over a line has, a curve that bends where friction builds up. Thickness in m."""
+    angle = np.linspace(0, KES_REACH, POINTS)
     if sheet.kind == "fast":
         moduli = FAST_SHEAR / sheet.numbers["bias"]["EB5"]
-        return [Readings(f"fast bias {k}", angle / 2, G * angle / thickness) for k, G in enumerate(moduli, 1)], None
-    out, slopes = [], []
+        return Sheared([Readings(f"fast bias {k}", angle / 2, G * angle / thickness) for k, G in enumerate(moduli, 1)])
+    names, rows = [], []
     for way in ("warp", "weft"):
-        numbers = sheet.numbers[way]
-        for k in range(max(len(numbers[key]) for key in ("G", "2HG", "2HG5"))):
-            G, width, at5 = (GF_CM * float(numbers[key][min(k, len(numbers[key]) - 1)]) for key in ("G", "2HG", "2HG5"))
-            # friction has built up about where G is read, from 0.5 degrees on
-            F = G * np.degrees(angle) + width / 2 * (1 - np.exp(-np.degrees(angle) / 0.5))
-            out.append(Readings(f"kes shear {way} {k + 1}", angle / 2, F / thickness))
-            slopes.append(2 * (3 * G + at5) / np.radians(3.0) / thickness)
-    return out, Estimate.of(slopes, ALONE * slopes[0])
+        numbers = [sheet.numbers[way][key] for key in ("G", "2HG", "2HG5")]
+        for k in range(max(map(len, numbers))):
+            names.append(f"kes shear {way} {k + 1}")
+            rows.append([GF_CM * float(one[min(k, len(one) - 1)]) for one in numbers])
+    try:
+        y0, returned = of_kes(*map(float, np.mean(rows, axis=0)))
+        friction = ShearFriction(y0 / thickness, set_in=0.0, returned=returned)
+    except InputError as error:
+        turned = [G * np.degrees(angle) + at / 2 * (1 - np.exp(-np.degrees(angle) / 0.5)) for G, at, _ in rows]
+        bent = [Readings(name, angle / 2, F / thickness) for name, F in zip(names, turned, strict=True)]
+        slopes = [2 * (3 * G + at5) / np.radians(3.0) / thickness for G, _, at5 in rows]
+        said = f"shear, mean of warp and weft: {error} The loop is left out."
+        return Sheared(bent, Estimate.of(slopes, ALONE * slopes[0]), None, (said,))
+    lines = [
+        Readings(name, angle / 2, G * np.degrees(angle) / thickness) for name, (G, *_) in zip(names, rows, strict=True)
+    ]
+    slopes = [2 * kes_unloading(G, y0, returned) / np.radians(1.0) / thickness for G, *_ in rows]
+    return Sheared(lines, Estimate.of(slopes, ALONE * slopes[0]), friction)

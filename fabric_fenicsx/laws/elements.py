@@ -161,6 +161,15 @@ def _shear_energy(c, gamma, origin, signed_peak):
 
 
 @jit
+def follow_shear(gamma, c):
+    """Stress (n,) of a point that goes from rest through the shears gamma (n,), one after the other."""
+    stress, origin, peak = np.empty(len(gamma)), 0.0, 0.0
+    for i in range(len(gamma)):
+        stress[i], _, origin, peak = _shear(c, gamma[i], origin, peak)
+    return stress
+
+
+@jit
 def respond(strain, state, stress, tangent, new, elements, nu12, nu21, b1, b2, shearing):
     """The law of `potential.Potential`; arrays as in `Law.respond`. What shear is left to `play` is elastic here."""
     warp, warp_tension, weft, weft_tension, shear = elements

@@ -102,26 +102,39 @@ def _upper(c, gamma, m):
     return _friction(c, m) + B * (1.0 - lost), slope * (1.0 - lost) + B * c[SOFTENING] * n / (q * q * m)
 
 
+@inlined
+def _point(c, gamma, p, m):
+    """Stress and modulus; new p and m."""
+    S, G = c[K] * (gamma - p), c[K]
+    high, by_high = _upper(c, gamma, m)
+    low, by_low = _upper(c, -gamma, m)
+    if S >= high - RESTING * c[K]:
+        G = by_high
+        if S > high:
+            S, p = high, gamma - high / c[K]
+    elif S <= RESTING * c[K] - low:
+        G = by_low
+        if S < -low:
+            S, p = -low, gamma + low / c[K]
+    return S, G, p, max(m, abs(gamma))
+
+
 @jit
 def respond(strain, state, stress, tangent, new, c, first):
     """Shear of `potential.Potential`; arrays as in `Law.respond`, p and m from column `first` of the state on."""
     for i in range(strain.shape[0]):
-        gamma, p, m = strain[i, 2], state[i, first], state[i, first + 1]
-        largest = max(m, abs(gamma))
-        S, G = c[K] * (gamma - p), c[K]
-        high, by_high = _upper(c, gamma, m)
-        low, by_low = _upper(c, -gamma, m)
-        if S >= high - RESTING * c[K]:
-            G = by_high
-            if S > high:
-                S, p = high, gamma - high / c[K]
-        elif S <= RESTING * c[K] - low:
-            G = by_low
-            if S < -low:
-                S, p = -low, gamma + low / c[K]
-        new[i, first], new[i, first + 1] = p, largest
+        gamma = strain[i, 2]
+        S, tangent[i, 2, 2], new[i, first], new[i, first + 1] = _point(c, gamma, state[i, first], state[i, first + 1])
         stress[i, 2] = S if np.isfinite(strain[i, 0] + strain[i, 1] + gamma) else np.nan
-        tangent[i, 2, 2] = G
+
+
+@jit
+def follow(gamma, c):
+    """Stress (n,) of a point that goes from rest through the shears gamma (n,), one after the other."""
+    stress, p, m = np.empty(len(gamma)), 0.0, 0.0
+    for i in range(len(gamma)):
+        stress[i], _, p, m = _point(c, gamma[i], p, m)
+    return stress
 
 
 @inlined

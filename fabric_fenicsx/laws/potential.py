@@ -65,7 +65,7 @@ class Potential:
     `poisson` names the pair of Poisson's ratios ("measured" or "lowered", Table 7.4);
     `shear_hysteresis=False` makes shear nonlinear elastic, without any history or friction;
     `ramp` is the uniaxial strain over which the modulus changes after a reversal, at most;
-    `transverse` (warp, weft) is in place of the fabric's.
+    `transverse` (warp, weft) is in place of the fabric's; `most_transverse` is what it may be.
 
     Raises InputError for a choice that does not exist, and for a fabric of which no such law can be made.
     """
@@ -94,6 +94,7 @@ class Potential:
         assumed = transverse is None and fabric.transverse_source == "assumed"
         q = 1.0 - nu12 * nu21
         warp, weft, moduli = fabric.warp, fabric.weft, (fabric.warp.modulus[0], fabric.weft.modulus[0])
+        self.most_transverse = _most(warp, nu12, nu21) * q / moduli[1], _most(weft, nu21, nu12) * q / moduli[0]
         b1 = self._direction("warp", warp, nu12, nu21, self.transverse[0] * moduli[1] / q, assumed)
         b2 = self._direction("weft", weft, nu21, nu12, self.transverse[1] * moduli[0] / q, assumed)
         self._directions = nu12, nu21, b1, b2
@@ -125,8 +126,7 @@ class Potential:
             return float(b)
         if assumed:
             return LARGEST
-        value = self.transverse[0 if name == "warp" else 1]
-        most = value / T * LARGEST / (nu_back + LARGEST) * (A + LARGEST / (1.0 + LARGEST * nu))
+        value, most = (pair[name == "weft"] for pair in (self.transverse, self.most_transverse))
         raise InputError(
             f"{self.fabric.name}: transverse of {value:.4g} along the {name} is more than its curve and Poisson's "
             f"ratios allow; give at most {most:.4g}."
@@ -205,6 +205,14 @@ class Potential:
     def beyond_calibration(self, strain: Array) -> str | None:
         """One sentence if a strain (n, 3) lies beyond the measured range, else None."""
         return beyond_calibration(self.fabric, strain)
+
+
+def _most(curve: "Curve", nu: float, nu_back: float) -> float:
+    """Largest mean stiffness (Pa) that tension along a curve adds across it, which that of the largest b is."""
+    if nu_back < NONE:
+        return float("inf")
+    A = nu_back / (1.0 - nu * nu_back) + LARGEST / (1.0 + LARGEST * nu)
+    return float(curve.stress(curve.limit)) / curve.limit * nu_back * LARGEST / (nu_back + LARGEST) * A
 
 
 def _largest(polynomial: Polynomial, low: float, high: float) -> float:
