@@ -1,0 +1,71 @@
+"""Demos of contact: their checked numbers, their files, and the same answer on two ranks."""
+
+import numpy as np
+import pytest
+import test_demos
+
+demo, read, look = test_demos.demo, test_demos.read, test_demos.look
+pytestmark = pytest.mark.filterwarnings("ignore:.*is assumed")
+QUICK = {
+    "incline": "incline.py --slopes 0.2 0.4 --end 0.1",
+    "capstan": "capstan.py --cells 30 --around 12 --steps 6 --angle 90",
+    "stack": "stack.py --sheets 3 --cells 2 --end 0.25 --apart 1.5",
+}
+WHOLE = {
+    "weft": "incline.py --friction 0.3 --weft 0.2 --along weft --static 1.2",
+    "box": "incline.py --body box --slopes 0.4",
+    "sweep": "incline.py --sweep",
+    "capstan": "capstan.py",
+    "catenary": "capstan.py --catenary",
+    "stack": "stack.py",
+}
+
+
+def run(demo, line, out):
+    """Status, what was said, and the history of a demo."""
+    name, *words = line.split()
+    status, said, _ = demo(name, *words, "--out", out)
+    assert status == 0 and ": yes;" in said
+    return said
+
+
+def test_incline(demo, tmp_path):
+    run(demo, QUICK["incline"], tmp_path)
+    table = read(tmp_path / "history.csv")
+    assert table["expected_m_per_s2"] == pytest.approx([0.0, 9.81 * (0.4 - 0.3) / np.hypot(1, 0.4)])
+    one = read(next(tmp_path.glob("1_*")) / "history.csv")
+    assert {"slope_x_N", "slope_z_Nm", "least_gap_m", "friction_J", "impact_J"} <= set(one)
+    look(tmp_path / "slopes.png")
+
+
+def test_capstan(demo, tmp_path):
+    run(demo, QUICK["capstan"], tmp_path)
+    table = read(tmp_path / "history.csv")
+    assert table["friction_J"][-1] > 0.0 and (tmp_path / "bodies.pvd").exists()
+    look(tmp_path / "pull.png")
+    look(tmp_path / "deformed.png")
+
+
+def test_stack(demo, tmp_path):
+    run(demo, QUICK["stack"], tmp_path)
+    look(tmp_path / "deformed.png")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", WHOLE)
+def test_whole_demos_meet_their_numbers(demo, tmp_path, name):
+    run(demo, WHOLE[name], tmp_path)
+
+
+@pytest.mark.slow
+def test_two_ranks_give_the_same(demo, tmp_path):
+    test_demos.on_two_ranks([
+        [str(test_demos.script(name)), *words, "--out", str(tmp_path / "two" / key)]
+        for key, (name, *words) in ((key, line.split()) for key, line in QUICK.items())
+    ])  # fmt: skip
+    for key, line in QUICK.items():
+        run(demo, line, tmp_path / "one" / key)
+        one, two = (read(tmp_path / ranks / key / "history.csv") for ranks in ("one", "two"))
+        for column in set(one) - {"wall_s", "cpu_s", "memory_MB", "newton_iterations", "iterations"}:
+            same = np.abs(np.nan_to_num(one[column] - two[column], posinf=0.0)).max()
+            assert same <= 1e-4 * np.nan_to_num(np.abs(one[column]), posinf=0.0).max() + 1e-9, (key, column)
