@@ -125,24 +125,29 @@ class Slip:
         self._corners = faces[cells]
         a, b, c = x[self._corners].transpose(1, 0, 2)
         rows = np.stack([a - c, b - c], axis=2)
-        two = np.einsum("nij,nj->ni", np.linalg.pinv(rows), closest - c)
+        two = np.einsum("nij,nj->ni", np.linalg.pinv(rows), self._nodes - c)
         self._weights = np.column_stack([two, 1.0 - two.sum(axis=1)])
-        self._skin = closest
+        self._above = np.sum((self._nodes - closest) * _normals(x[self._corners]), axis=1, keepdims=True)
 
     def step(self) -> Array:
         """What each node has slid since the last look, m."""
         x = self._touch.places(self._body)
-        a, b, c = x[self._corners].transpose(1, 0, 2)
-        skin = np.einsum("nk,nki->ni", self._weights, x[self._corners])
-        normal = np.cross(b - a, c - a)
-        normal /= np.linalg.norm(normal, axis=1, keepdims=True)
-        slid = (self._touch.nodes() - self._nodes) - (skin - self._skin)
+        normal = _normals(x[self._corners])
+        # a node that keeps to its place on the skin turns with it, too
+        slid = self._touch.nodes() - np.einsum("nk,nki->ni", self._weights, x[self._corners]) - self._above * normal
         slid -= np.sum(slid * normal, axis=1, keepdims=True) * normal
         before = self.touching
         self._look()
         way = np.linalg.norm(slid, axis=1) * (before & self.touching)
         self.way += way
         return np.asarray(way)
+
+
+def _normals(corners: Array) -> Array:
+    """Of triangles (n, 3, 3), unit vectors (n, 3)."""
+    a, b, c = corners.transpose(1, 0, 2)
+    across = np.cross(b - a, c - a)
+    return np.asarray(across / np.linalg.norm(across, axis=1, keepdims=True))
 
 
 def _areas(x: Array, faces: np.ndarray) -> Array:
