@@ -33,7 +33,7 @@ FLOORS = [
         ]
     },
     {"shell": [{"rotation", "dirichlet", "bodies"}, {"kinematics"}, {"directors"}, {"assumed_strain"}]},
-    {"terms": [{"supports", "term", "points", "weakform", "kernels"}, {"hook", "extra"}, {"work", "form"}]},
+    {"terms": [{"supports", "term", "points", "weakform", "kernels"}, {"hook", "extra", "pairing"}, {"work", "form"}]},
     {
         "solvers": [
             {"held"},

@@ -103,17 +103,19 @@ class ShellSpace:
         directors, in_v = self.V.sub(1).collapse()
         self._in_v = in_v[0]
         self.normal, self.start = kinematics.reference(directors)
-        self._start = self.start.x.array.reshape(-1, 3)[np.argsort(self._in_v[::3])]
-        self.frame = rotation.frames(self._start)
-        """(e1, e2, d0) of each node at the last commit, (nodes, 3, 3)."""
-        self._d = self._start
-        self._angles = np.zeros((len(self.nodes), 2))
-        self._derivative = np.empty((len(self.nodes), 2, 3))
+        self.lay(self.start.x.array.reshape(-1, 3).copy())
+        self._angles, self._derivative = np.zeros((len(self.nodes), 2)), np.empty((len(self.nodes), 2, 3))
         self.bodies: list[Body] = []
         """What moves as one, see `join`."""
         self._map = self._transformation()
         self.moves: list[Callable[[], None]] = []
         """Called when the reference directors have been laid into planes of symmetry: what is led starts from them."""
+
+    def lay(self, start: Array) -> None:
+        """Let the directors start along these unit vectors at the nodes of `start`; before a solver is made."""
+        self.start.x.array[:] = start.ravel()
+        self.frame = rotation.frames(start[np.argsort(self._in_v[::3])])
+        self._start = self._d = self.frame[:, 2].copy()
 
     def function(self) -> fem.Function:
         """A new (u, d) in V as the sheet starts: no displacement, the directors `start`."""

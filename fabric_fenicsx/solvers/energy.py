@@ -78,8 +78,9 @@ class Ledger:
             lost[term.loses] += term.dissipated()
         sudden = self._sudden(dq) if self._impulsive else (0.0,) * 4
         supplied = sum(term.supplied() for term in self._run.terms)
+        suddenly = sum(term.supplied() for term in self._impulsive)
         sums = self.comm.allreduce(
-            np.array([*(0.5 * np.array(local)), *lost.values(), self._energies(), *sudden, supplied])
+            np.array([*(0.5 * np.array(local)), *lost.values(), self._energies(), *sudden, supplied, suddenly])
         )
         t, kinetic = self.totals.copy(), self._kinetic()
         inertia, met, touching, stored = sums[7:11]
@@ -93,7 +94,7 @@ class Ledger:
         t["recoverable"] = sums[6]
         if self._impulsive:
             self._stored_next = stored
-            t["by_impact"] += touching + sums[11] - sums[5] - (stored - self._stored)
+            t["by_impact"] += touching + sums[12] - sums[5] - (stored - self._stored)
         explained = sum(value for name, value in t.items() if name not in ("external", "imbalance"))
         t["imbalance"] = t["external"] - explained
         self._totals_next = t

@@ -233,7 +233,7 @@ def check_surface(domain: Domain | dmesh.Mesh) -> None:
     """
     m = domain.mesh if isinstance(domain, Domain) else domain
     nodes = m.geometry.dofmaps[0][: m.topology.index_map(2).size_local]
-    x = placing.cells(m)[: len(nodes)]
+    x = placing.cells(m)[: len(nodes), : nodes.shape[1]]
     own = m.topology.original_cell_index[: len(nodes)], m.geometry.input_global_indices[nodes], x
     parts = m.comm.gather(own, root=0)
 

@@ -11,13 +11,14 @@ with w, from where the panels lie, in place of u (`from_rest`). A mesh without a
 
 from typing import Any
 
+import basix.ufl
 import numpy as np
 import ufl
 from dolfinx import cpp, fem, mesh
 from ufl.core.expr import Expr
 from ufl.domain import extract_unique_domain
 
-from .checking import Array
+from .checking import DEGREE, Array
 
 
 def of(domain: mesh.Mesh | ufl.Mesh) -> fem.Function | None:
@@ -50,12 +51,13 @@ def placed(start: mesh.Mesh, rest: Array) -> mesh.Mesh:
 
 
 def place(domain: mesh.Mesh, start: Array) -> None:
-    """Let a sheet start where the nodes of its local cells are told to be, (cells, nodes, 3) in m."""
-    placement = of(domain)
-    if placement is None:
-        element = domain.ufl_domain().ufl_coordinate_element()
-        placement = fem.Function(fem.functionspace(domain, element), name="placement")
-        domain.ufl_domain()._placement = placement
+    """Let a sheet start where the nodes of its local cells are told to be, (cells, nodes, 3) in m.
+
+    To be told before anything is made on the mesh. Nodes are those of its cells, or of quadratic ones.
+    """
+    element = basix.ufl.element("P", domain.basix_cell(), DEGREE[start.shape[1]], shape=(3,))
+    placement = fem.Function(fem.functionspace(domain, element), name="placement")
+    domain.ufl_domain()._placement = placement
     placement.x.array.reshape(-1, 3)[placement.function_space.dofmap.list] = start
 
 
@@ -86,17 +88,17 @@ def places(space: fem.FunctionSpace) -> Array:
     if start is None:
         return np.asarray(space.tabulate_dof_coordinates())
     result = np.empty((space.dofmap.index_map.size_local + space.dofmap.index_map.num_ghosts, 3))
-    result[space.dofmap.list] = _at_nodes(space, cells(space.mesh))
+    result[space.dofmap.list] = _at_nodes(space, start.function_space.element.basix_element, cells(space.mesh))
     return result
 
 
 def at_rest(space: fem.FunctionSpace, of_cells: np.ndarray) -> Array:
     """Where the nodes of a space lie, seen from each of these local cells, (cells, nodes, 3), m."""
-    return _at_nodes(space, space.mesh.geometry.x[space.mesh.geometry.dofmaps[0][of_cells]])
+    element = space.mesh.ufl_domain().ufl_coordinate_element().basix_element
+    return _at_nodes(space, element, space.mesh.geometry.x[space.mesh.geometry.dofmaps[0][of_cells]])
 
 
-def _at_nodes(space: fem.FunctionSpace, x: Array) -> Array:
-    """From the nodes of the geometry, (cells, nodes, 3), to those of a space."""
-    element: Any = space.mesh.ufl_domain().ufl_coordinate_element().basix_element
+def _at_nodes(space: fem.FunctionSpace, element: Any, x: Array) -> Array:
+    """From the nodes of an element, (cells, nodes, 3), to those of a space."""
     values = element.tabulate(0, np.asarray(space.element.interpolation_points))[0, :, :, 0]
     return np.asarray(np.einsum("pn,cni->cpi", values, x))

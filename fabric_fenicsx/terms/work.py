@@ -23,21 +23,16 @@ import basix
 import numpy as np
 import ufl
 from dolfinx import fem
-from ufl.algorithms import expand_derivatives
 from ufl.core.expr import Expr
 from ufl.form import Form
 
-from ..errors import InputError
 from ..laws import Array, Law
 from ..shell.directors import ShellSpace
 from ..surfaces import placing
-from . import kernels, weakform
+from . import kernels, pairing, weakform
 from .hook import LawHook
-from .kernels import LANES
 from .points import LawPoints
 from .term import Indices, Term
-
-CHUNK = 1000  # cells
 
 type Part = tuple[Expr, Law | Expr, ufl.Measure]
 """A strain, the law or the stiffness that answers it, and the measure of both."""
@@ -74,9 +69,21 @@ class InternalWork(Term):
         self.symmetric = all(part.symmetric for part in self._parts)
         self.has_kinks = bool(self.points)
 
+    def relax(self, part: float) -> None:
+        """Let the sheet be at rest where it starts (0), as the mesh lies (1, as it is at first), or between, by strain.
+
+        From where it starts strains are measured in part: E - (1 - part) E(start).
+        """
+        for own in self._parts:
+            own.relax(part)
+
+    def supplied(self) -> float:
+        """See `Term.supplied`: by what relaxes it."""
+        return sum(part.supplied() for part in self._parts)
+
     @cached_property
     def form(self) -> Form:
-        """Virtual work of the stress, in UFL; a law has a hook of its own there."""
+        """Virtual work of the stress, in UFL, not relaxed; a law has a hook of its own there."""
         result, test, mesh = Form([]), ufl.TestFunction(self._space.V), self._space.mesh
         own = [(k, self._cells[: self._owned]) for k in range(len(self.parts))]  # a kernel each: see `ShellSpace`
         for k, (strain, response, rule) in enumerate(self.parts):
@@ -125,8 +132,8 @@ class InternalWork(Term):
 
     def watch(self) -> None:
         """See `Term.watch`."""
-        for points in self.points:
-            points.watch()
+        for part in self._parts:
+            part.watch()
 
     def commit(self) -> None:
         """See `Term.commit`."""
@@ -179,11 +186,14 @@ class _Part:
             return fem.Expression(expression, points).eval(mesh, shell.cells)
 
         q, normal = shell.q.x.array, shell.space.normal.x.array
-        probed = quadratic(shell, strain, points)
+        probed = pairing.quadratic(shell, strain, points)
         self.batch = *probed, shell.rest, shell.start, normal, shell.directors, q, shell.dofs
         area = at_points(ufl.JacobianDeterminant(mesh))[:owned].reshape(owned, len(points))
         self.weights = area * weights
         shape = len(points), strain.ufl_shape[0]
+        self._shell, self._shape, self._left = shell, (len(shell.cells), *shape), 0.0
+        self._of_start: Any = None  # strains at the start, of a sheet that is relaxed
+        self._watched: tuple[float, Array] | None = None
         self.points: LawPoints | None = None
         if isinstance(response, Expr):
             self._strain, self._stress = np.zeros((2, len(shell.cells), *shape))
@@ -196,6 +206,31 @@ class _Part:
     def measure(self, out: Array) -> None:
         """Strains (cells, points, strains) of all cells at the present q."""
         kernels.strains(self.batch, out)
+        if self._left != 0.0:
+            out -= self._left * self._of_start
+
+    def relax(self, part: float) -> None:
+        if self._of_start is None:
+            q = self._shell.q.x.array
+            now = q.copy()
+            q[:] = self._shell.space.function().x.array
+            self._of_start = np.zeros(self._shape)
+            kernels.strains(self.batch, self._of_start)
+            q[:] = now
+        self._left = 1.0 - part
+
+    def watch(self) -> None:
+        if self.points is not None:
+            self.points.watch()
+        if self._of_start is not None:
+            self._watched = self._left, self.stress[: len(self.weights)].copy()
+
+    def supplied(self) -> float:
+        if self._watched is None or self._watched[0] == self._left:
+            return 0.0
+        (left, before), n = self._watched, len(self.weights)
+        mean = 0.5 * (before + self.stress[:n])
+        return (left - self._left) * float(np.einsum("cp,cpa,cpa", self.weights, mean, self._of_start[:n]))
 
     def evaluate(self, tangent: bool, stiffest: bool) -> bool:
         if self.points is not None:
@@ -217,52 +252,3 @@ class _Part:
             return self.points.energy()
         n = len(self.weights)
         return 0.5 * float(np.einsum("cp,cpa,cpa", self.weights, self._strain[:n], self._stress[:n]))
-
-
-def quadratic(shell: _Shell, strain: Expr, points: Array) -> tuple[Any, Any, Any]:
-    """M (blocks, points, terms, LANES), of each strain the first and last pair that it has, and the pairs."""
-    trial, mesh = ufl.TrialFunction(shell.space.V), shell.space.mesh
-    derivative = fem.Expression(expand_derivatives(ufl.derivative(strain, shell.q, trial)), points)
-    kept, cells, nodes = shell.q.x.array.copy(), len(shell.cells), shell.start.shape[1]
-    n = nodes + shell.directors.shape[1]
-    # each probe tells three columns, one for every component in space; some more make it well posed
-    states = [np.random.default_rng(seed).uniform(-1, 1, len(kept)) for seed in range(n // 3 + 2)]
-    # pairs of nodes, of a node and a director, and of directors; those that no strain has are left out
-    pairs = [(i, j) for i in range(n) for j in range(i, n)]
-    pairs.sort(key=lambda pair: (pair[0] >= nodes) + (pair[1] >= nodes))
-    i, j = np.array(pairs, dtype=np.int64).T
-    pieces, misfit, shape = [], False, (len(points) * strain.ufl_shape[0], n + 1, 3)
-    # so many cells at a time that their probes take little memory
-    for part in np.split(np.arange(cells), range(CHUNK, cells, CHUNK)):
-        probes, changes = [], []
-        for state in states:
-            shell.q.x.array[:] = state
-            q = state[shell.dofs[part]].reshape(len(part), 1, n + 1, 3)
-            change = derivative.eval(mesh, shell.cells[part]).reshape(len(part), *shape)
-            probes.append(q[:, :, 1:] - np.where(np.arange(n)[:, None] < nodes, q[:, :, :1], 0.0))
-            probes[-1][:, 0, :nodes] += shell.start[part]
-            changes.append(change[:, :, 1:])
-        probe, change = np.concatenate(probes, axis=3), np.concatenate(changes, axis=3)
-        inverse = np.linalg.pinv(probe)
-        S = change @ inverse
-        S += (change - S @ probe) @ inverse
-        misfit |= bool(np.abs(S @ probe - change).max(initial=0.0) > 1e-8 * np.abs(change).max(initial=0.0))
-        # exact zeros: a thin sheet would feel a membrane strain of round-off when it bends
-        S[np.abs(S) < 1e-11 * np.abs(S).max(axis=(2, 3), keepdims=True, initial=0.0)] = 0.0
-        pieces.append(np.where(i == j, 0.5, 1.0) * (S[..., i, j] + S[..., j, i]) / 2)
-    shell.q.x.array[:] = kept
-    if mesh.comm.allreduce(misfit):
-        raise InputError("A strain is not quadratic in displacement and director, or changes with a rotation.")
-    M = np.concatenate(pieces).reshape(cells, len(points), strain.ufl_shape[0], len(pairs))
-    spans = []
-    for there in M.any(axis=(0, 1)):
-        found = np.flatnonzero(there)
-        spans.append((found[0], found[-1] + 1) if len(found) else (0, 0))
-    M = np.concatenate([M[:, :, a, first:last] for a, (first, last) in enumerate(spans)], axis=2)
-    low, high = min(first for first, _ in spans), max(last for _, last in spans)
-    # cells by `LANES`, side by side: what processors are good at
-    count = -(-cells // LANES)
-    blocks = np.zeros((count * LANES, *M.shape[1:]))
-    blocks[:cells] = M
-    blocks = np.moveaxis(blocks.reshape(count, LANES, *M.shape[1:]), 1, 3).copy()
-    return blocks, np.array(spans) - low, np.array(pairs[low:high], dtype=np.int64).reshape(-1, 2)

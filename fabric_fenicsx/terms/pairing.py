@@ -1,0 +1,64 @@
+"""The numbers of `work`: by which products of two vectors of a cell a strain in UFL is told."""
+
+from typing import Any
+
+import numpy as np
+import ufl
+from dolfinx import fem
+from ufl.algorithms import expand_derivatives
+from ufl.core.expr import Expr
+
+from ..errors import InputError
+from ..laws import Array
+from .kernels import LANES
+
+CHUNK = 1000  # cells
+
+
+def quadratic(shell: Any, strain: Expr, points: Array) -> tuple[Any, Any, Any]:
+    """M (blocks, points, terms, LANES), of each strain the first and last pair that it has, and the pairs."""
+    trial, mesh = ufl.TrialFunction(shell.space.V), shell.space.mesh
+    derivative = fem.Expression(expand_derivatives(ufl.derivative(strain, shell.q, trial)), points)
+    kept, cells, nodes = shell.q.x.array.copy(), len(shell.cells), shell.start.shape[1]
+    n = nodes + shell.directors.shape[1]
+    # each probe tells three columns, one for every component in space; some more make it well posed
+    states = [np.random.default_rng(seed).uniform(-1, 1, len(kept)) for seed in range(n // 3 + 2)]
+    # pairs of nodes, of a node and a director, and of directors; those that no strain has are left out
+    pairs = [(i, j) for i in range(n) for j in range(i, n)]
+    pairs.sort(key=lambda pair: (pair[0] >= nodes) + (pair[1] >= nodes))
+    i, j = np.array(pairs, dtype=np.int64).T
+    pieces, misfit, shape = [], False, (len(points) * strain.ufl_shape[0], n + 1, 3)
+    # so many cells at a time that their probes take little memory
+    for part in np.split(np.arange(cells), range(CHUNK, cells, CHUNK)):
+        probes, changes = [], []
+        for state in states:
+            shell.q.x.array[:] = state
+            q = state[shell.dofs[part]].reshape(len(part), 1, n + 1, 3)
+            change = derivative.eval(mesh, shell.cells[part]).reshape(len(part), *shape)
+            probes.append(q[:, :, 1:] - np.where(np.arange(n)[:, None] < nodes, q[:, :, :1], 0.0))
+            probes[-1][:, 0, :nodes] += shell.start[part]
+            changes.append(change[:, :, 1:])
+        probe, change = np.concatenate(probes, axis=3), np.concatenate(changes, axis=3)
+        inverse = np.linalg.pinv(probe)
+        S = change @ inverse
+        S += (change - S @ probe) @ inverse
+        misfit |= bool(np.abs(S @ probe - change).max(initial=0.0) > 1e-8 * np.abs(change).max(initial=0.0))
+        # exact zeros: a thin sheet would feel a membrane strain of round-off when it bends
+        S[np.abs(S) < 1e-11 * np.abs(S).max(axis=(2, 3), keepdims=True, initial=0.0)] = 0.0
+        pieces.append(np.where(i == j, 0.5, 1.0) * (S[..., i, j] + S[..., j, i]) / 2)
+    shell.q.x.array[:] = kept
+    if mesh.comm.allreduce(misfit):
+        raise InputError("A strain is not quadratic in displacement and director, or changes with a rotation.")
+    M = np.concatenate(pieces).reshape(cells, len(points), strain.ufl_shape[0], len(pairs))
+    spans = []
+    for there in M.any(axis=(0, 1)):
+        found = np.flatnonzero(there)
+        spans.append((found[0], found[-1] + 1) if len(found) else (0, 0))
+    M = np.concatenate([M[:, :, a, first:last] for a, (first, last) in enumerate(spans)], axis=2)
+    low, high = min(first for first, _ in spans), max(last for _, last in spans)
+    # cells by `LANES`, side by side: what processors are good at
+    count = -(-cells // LANES)
+    blocks = np.zeros((count * LANES, *M.shape[1:]))
+    blocks[:cells] = M
+    blocks = np.moveaxis(blocks.reshape(count, LANES, *M.shape[1:]), 1, 3).copy()
+    return blocks, np.array(spans) - low, np.array(pairs[low:high], dtype=np.int64).reshape(-1, 2)
