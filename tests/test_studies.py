@@ -50,9 +50,25 @@ def test_stability(study):
     assert [row["verdict"] for row in rows] == ["works", "refused", *["works"] * 4]
 
 
+def test_stability_of_contact(study):
+    status, _, rows = study("stability", "--quick", "--only", "contact_steps")
+    assert status == 0 and "impact takes" in rows[0]["said"]
+
+
+def test_the_gap_decides_the_error_of_a_lifted_strip(monkeypatch):
+    monkeypatch.syspath_prepend(DEMOS)
+    import error_cases
+
+    case = error_cases.CASES["lift"][0](quick=True)
+    force = [error_cases.go("lift", s, error_cases.build("lift", s))
+             for s in (case.coarser, case.base, case.base | {"reach": 1.6})]  # fmt: skip
+    near, far = (np.abs(f / force[0] - 1).max() for f in force[1:])
+    assert near < 0.01 and 2 * near < far < 0.05
+
+
 @pytest.mark.slow
 def test_error_vs_runtime(study):
-    cases = ("point", "strip", "end_shear_0.0001", "drape")
+    cases = ("lift", "point", "strip", "end_shear_0.0001", "drape")
     status, said, rows = study("error_vs_runtime", "--quick", "--case", *cases)
     assert status == 0 and "one within 10 % in every case: yes" in said
     error = {(row["case"], row["setting"]): float(row["error"]) for row in rows}

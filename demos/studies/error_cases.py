@@ -17,12 +17,18 @@ import numpy as np
 import poke
 import shell_cases
 import shell_model
+import ufl
 from mpi4py import MPI
+from dolfinx import fem
 
-from fabric_fenicsx import fabrics, specimen
+from fabric_fenicsx import fabrics, sheet, specimen
+from fabric_fenicsx.contact import bodies
+from fabric_fenicsx.contact.contact import Contact
 from fabric_fenicsx.laws import driver, named
+from fabric_fenicsx.laws.svk import StVenantKirchhoff
 from fabric_fenicsx.solvers import marching, statics
 from fabric_fenicsx.surfaces import meshing
+from fabric_fenicsx.terms import supports
 
 STRIP = meshing.MESHES / "strip.geo"
 BLEND = fabrics.load("blend")
@@ -43,8 +49,9 @@ class Case:
 
 def label(setting):
     """Settings in words."""
-    before = {name: f"{name} " for name in ("degree", "rtol")}
-    after = {name: f" {name}" for name in ("cells", "steps", "ms", "layers", "ranks")}
+    before = {name: f"{name} " for name in ("degree", "rtol", "reach", "stiffness")}
+    after = {name: f" {name}" for name in ("cells", "steps", "ms", "layers", "ranks")} | {"reach": " mm"}
+    after |= {"stiffness": " Pa"}
     usual = (("ranks", 1), ("solver", "direct"))
     shown = {name: value for name, value in setting.items() if (name, value) not in usual}
     return ", ".join(f"{before.get(name, '')}{value}{after.get(name, '')}" for name, value in shown.items())
@@ -208,12 +215,48 @@ def go_motion(end):
     return go
 
 
+# -- (f) a strip lifted off a plane ------------------------------------------------------------------------------------
+
+
+def lift(quick):
+    base = {"cells": 80, "reach": 0.4, "stiffness": 2.2}
+    changes = each("reach", (0.2, 1.6)) + each("cells", (40,))
+    if not quick:
+        changes += each("reach", (0.1, 0.8)) + each("stiffness", (0.22, 22.0, 220.0)) + each("cells", (20, 160))
+    finest = {"cells": 160, "reach": 0.05, "stiffness": 2.2}
+    return Case("lift", "Strip lifted off a plane", "force at 5 and 10 mm", base, vary(base, *changes), finest,
+                finest | {"reach": 0.1})  # fmt: skip
+
+
+def build_lift(s, comm):
+    E, length, width, h = 4e9, 1.0, 0.05, 4e-4
+    domain = meshing.read(STRIP, comm, length=length, width=width, nx=s["cells"], ny=1)
+    strip = sheet.Sheet(domain, StVenantKirchhoff.isotropic(E, 0.0), h, (E / 2, E / 2))
+    plane = bodies.Plane(point=(0, 0, -h - 0.5e-3 * s["reach"]))
+    touch = Contact(strip, [plane], itself=False, reach=1e-3 * s["reach"], stiffness=s["stiffness"])
+    weight, height = strip.weight(0.224, ufl.as_vector((0, 0, -9.81))), fem.Constant(domain.mesh, 0.0)
+    held = supports.lead(domain, strip.space, "sheet", 1, 0.0) + supports.lead(domain, strip.space, "fixed_end", 0, 0.0)
+    held += supports.lead(domain, strip.space, "pulled_end", 2, height)
+    solver = strip.equilibrium(held, [weight, *touch.terms])
+    return solver, height, supports.unknowns(domain, strip.space, "pulled_end", 2)
+
+
+def go_lift(s, scene):
+    solver, height, end = scene
+
+    def set_load(value):
+        height.value = value
+
+    return np.array([solver.reaction(end) for _ in marching.march(solver, set_load, [1e-3, 5e-3, 1e-2])][1:])
+
+
 DRAPE, POKE = 0.12, 0.06  # s; multiples of three of the longest step
 CASES = {
     "point": (point, build_point, go_point),
     "strip": (strip, build_strip, go_strip),
     "end_shear_0.01": (shear(1e-2), build_shear(1e-2), go_shear),
     "end_shear_0.0001": (shear(1e-4), build_shear(1e-4), go_shear),
+    "lift": (lift, build_lift, go_lift),
     "drape": (motion("drape", "Drape held over patches", DRAPE), build_motion(drape, DRAPE), go_motion(DRAPE)),
     "poke": (motion("poke", "Poke, on its way out", POKE), build_motion(poke, POKE), go_motion(POKE)),
 }

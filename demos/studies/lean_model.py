@@ -41,6 +41,7 @@ class Scene:
     damping: float = 0.0
     stiff_damping: float = 0.0
     ledger: bool = False
+    contact: bool = False
 
 
 PLANE = Scene()
@@ -65,6 +66,7 @@ FEATURES = {
     "rotary inertia": (MOVING_SHELL, replace(MOVING_SHELL, rotary="cell")),
     "damping by mass": (MOVING, replace(MOVING, damping=1.0)),
     "damping by stiffness": (MOVING, replace(MOVING, stiff_damping=1e-4)),
+    "contact and friction": (SHELL, replace(SHELL, contact=True)),
     "energy ledger": (MOVING, replace(MOVING, ledger=True)),
 }
 """Feature -> the scene without and with it."""
@@ -114,6 +116,15 @@ def thick(cloth):
     return InternalWork(cloth.shell, cloth.q, [(strain, through, cloth.dx), cloth.terms[0].parts[1]])
 
 
+def _lying(cloth):
+    """Contact of a sheet with a table on which it lies, and with itself."""
+    from fabric_fenicsx.contact.bodies import Box
+    from fabric_fenicsx.contact.contact import Contact
+
+    table = Box((2 * LENGTH, 2 * WIDTH, 0.1), (LENGTH / 2, WIDTH / 2, -0.05 - 1.5 * H))
+    return Contact(cloth, [table], friction=0.3, reach=H, stiffness=1.0)
+
+
 def pulled(steps):
     """Displacement of the end after a number of steps, m."""
     return PULL * LENGTH * (steps / (1.25 * STEPS)) ** 2
@@ -142,6 +153,8 @@ class Built:
             bcs += supports.lead(self.domain, cloth.space, ends[1], along, self.end)
             if scene.level == "membrane":  # flat and without tension it has no stiffness across itself
                 bcs += supports.lead(self.domain, cloth.space, "sheet", 2, 0.0)
+            if scene.contact:
+                terms = [*terms, *_lying(cloth).terms]
             if external is not None:
                 terms = [*terms, -external]
             if scene.moving:

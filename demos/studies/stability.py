@@ -1,8 +1,8 @@
 """What was tried at the edges of the package, what came of it, and where the limit is.
 
 Thickness, yarn stiffness, Poisson's ratios, slack yarns, large strains, reversals, rotation, cells, load steps, time
-steps implicit and explicit, and inputs that are no good. A trial works (and is as accurate as it says), is refused with
-an InputError before anything is solved, or stops with a StepFailed that leaves the last good state behind.
+steps implicit and explicit, inputs that are no good, and contact. A trial works (and is as accurate as it says), is
+refused with an InputError before anything is solved, or stops with a StepFailed that leaves the last good state behind.
 
     python demos/studies/stability.py              # all of it
     python demos/studies/stability.py --quick      # the edges alone, in half a minute
@@ -17,6 +17,7 @@ import argparse
 import time
 from pathlib import Path
 
+import stability_contact
 import stability_more
 import stability_trials
 import studies
@@ -59,7 +60,7 @@ def plot(path, rows):
 
 
 def main():
-    subjects = {subject.__name__: subject for subject in stability_more.SUBJECTS}
+    subjects = {subject.__name__: subject for subject in (*stability_more.SUBJECTS, *stability_contact.SUBJECTS)}
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--quick", action="store_true", help="the edges alone")
     parser.add_argument("--only", choices=subjects, nargs="+", default=list(subjects), help="some of the subjects")
