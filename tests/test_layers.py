@@ -47,7 +47,15 @@ FLOORS = [
             {"energy"},
         ]
     },
-    {"output": [{"results", "gathering", "showing"}, {"solids"}, {"fields", "pictures"}, {"series"}, {"recording"}]},
+    {
+        "output": [
+            {"results", "gathering", "showing"},
+            {"solids"},
+            {"fields", "pictures"},
+            {"series"},
+            {"recording", "moving"},
+        ]
+    },
     {"material"},
     {"sheet"},
     {

@@ -185,15 +185,32 @@ def run(scene: Path, out: Path | None, resume: str | None, quiet: bool, trust: b
               show_default=True, help="By which strain (yarn: the larger of two), or by contact pressure.")  # fmt: skip
 @click.option("--view", "eye", callback=direction, metavar="X,Y,Z", help="From the sheet to the eye.")
 @click.option("--animation", is_flag=True, help="All steps, as animation.gif.")
-@click.option("--out", type=file, help="Picture, or with --animation a .gif (with the extra [film] also .mp4).  "
-              "[default: in FOLDER]")  # fmt: skip
+@click.option(
+    "--export",
+    "kind",
+    type=click.Choice(["gltf", "obj", "pc2", "usd"]),
+    help="Instead of a picture, all "
+    "steps of sheet and bodies for other programs: a .glb, a folder of .obj or .pc2, or (extra [usd]) a .usdc.",
+)
+@click.option("--out", type=click.Path(path_type=Path), help="Picture, or with --animation a .gif (with the extra "
+              "[film] also .mp4).  [default: in FOLDER]")  # fmt: skip
 def view(results_folder: Path, frame: int | None, colour: str, eye: tuple[float, float, float] | None, animation: bool,
-         out: Path | None) -> None:  # fmt: skip
+         kind: str | None, out: Path | None) -> None:  # fmt: skip
     """Draw what a run, or a demo, wrote into FOLDER; a broken frame is named, and the others are shown."""
     from .. import system
     from ..output.series import Series, refuse_ending
 
     series = Series(results_folder)
+    if kind is not None:
+        from ..output import moving
+
+        if animation or frame is not None or eye is not None:
+            raise InputError("--export writes all steps as they are: leave out --animation, --frame and --view.")
+        out = out or results_folder / moving.KINDS[kind][0]
+        with drawn_to(out):
+            broken = moving.export(series, kind, out, colour)
+        _tell([series.files[number] for number in broken], out)
+        return
     if (fault := system.can_draw()) is not None:
         raise InputError(fault)
     count = len(series.files)
@@ -209,8 +226,12 @@ def view(results_folder: Path, frame: int | None, colour: str, eye: tuple[float,
             number = series.last() if frame is None else frame
             series.picture(out, number, colour, eye)
             broken = sorted({*series.broken(), *range(number + 1, count)}) if frame is None else series.broken()
-    for number in broken:
-        click.echo(f"{series.files[number]} cannot be read, and is left out")
+    _tell([series.files[number] for number in broken], out)
+
+
+def _tell(broken: list[Path], out: Path) -> None:
+    for path in broken:
+        click.echo(f"{path} cannot be read, and is left out")
     click.echo(f"see {out}")
 
 

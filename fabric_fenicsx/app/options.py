@@ -24,9 +24,7 @@ def drawn_to(path: Path) -> Iterator[None]:
         raise
     except (OSError, ValueError, ImportError) as error:
         reason = (error.strerror if isinstance(error, OSError) else None) or str(error).splitlines()[0].rstrip(".")
-        raise InputError(
-            f"The picture {str(path)!r} cannot be written ({reason}); choose another with --out."
-        ) from error
+        raise InputError(f"{str(path)!r} cannot be written ({reason}); choose another with --out.") from error
 
 
 def keys(room: str) -> Callable[[Callable[..., None]], Callable[..., None]]:
