@@ -1,12 +1,18 @@
 """Sheets of KES-F and FAST to a fabric: its law, tested as the laboratory does, gives its numbers again."""
 
 import re
+import subprocess
+import sys
 
 import numpy as np
 import pytest
+from click.testing import CliRunner
+from test_setup import ROOT
 
+from fabric_fenicsx import fabrics
+from fabric_fenicsx.app.cli import app
 from fabric_fenicsx.errors import InputError
-from fabric_fenicsx.identify import fabric_file, identify, listing, report, sheets
+from fabric_fenicsx.identify import fabric_file, identify, listing, loops, report, sheets
 from fabric_fenicsx.identify.hanging import ASTM_ANGLE
 from fabric_fenicsx.identify.synthetic_bending import overhangs
 from fabric_fenicsx.laws import driver
@@ -152,3 +158,30 @@ def test_what_a_list_with_a_sheet_lacks(tmp_path):
             listing.read(tmp_path / "tests.toml")
     with pytest.raises(InputError, match="do not tell nu12"):
         made(tmp_path, toml("kes", KES).replace("nu12 = 0.2", ""))
+
+
+def test_the_shipped_sheet_is_a_fabric_that_bends_as_it_says(tmp_path):
+    """B and 2HB of its bending cycle; the first command of the page from a KES sheet to a drape coefficient."""
+    answer = CliRunner().invoke(app, ["identify", str(ROOT / "demos/records/kes_sheet.toml"), "--out", str(tmp_path)])
+    assert answer.exit_code == 0 and "nu12: no dots, assumed" in answer.output, answer.output
+    fabric = fabrics.load(str(tmp_path / "fabric.toml"))
+    reach = np.linspace(-250, 250, 201)
+    K = np.concatenate([reach[100:], reach[-2::-1], reach[1:]])
+    for way, B, width in (("warp", 0.10, 0.05), ("weft", 0.08, 0.04)):
+        curve = getattr(fabric.bending, way)
+        M = loops.moments(K, curve, curve, fabric.bending.friction_per_m, True)
+        assert loops.read_loop(K, M) == pytest.approx((B * 9.80665e-5, width * 9.80665e-3), rel=0.005)
+
+
+@pytest.mark.slow
+def test_from_a_kes_sheet_to_a_drape_coefficient(tmp_path):
+    """Both commands and the page's own check, on a coarse disc."""
+    words = ["--cell", "20", "--end", "0.8", "--out", str(tmp_path)]
+    answer = subprocess.run(
+        [sys.executable, str(ROOT / "demos/kes_to_drape.py"), *words],
+        capture_output=True, text=True, timeout=280, check=False,
+    )  # fmt: skip
+    assert answer.returncode == 0 and "come back: yes" in answer.stdout, answer.stdout + answer.stderr
+    assert 60 < float(re.search(r"drape coefficient ([\d.]+) %, and", answer.stdout)[1]) < 95
+    for name in ("report.pdf", "cusick/outline.png", "cusick/seed0/deformed.png"):
+        assert (tmp_path / name).stat().st_size > 5000
