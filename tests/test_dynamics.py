@@ -144,7 +144,7 @@ def alpha2(cloth, run, end, dt, rho):
         P.zeroEntries()
         fempetsc.assemble_matrix(P, internal.jacobian)
         P.assemble()
-        P.axpy(by_a, mass, PETSc.Mat.Structure.SAME_NONZERO_PATTERN)
+        P.axpy(by_a, mass, PETSc.Mat.Structure.SUBSET_NONZERO_PATTERN)
         P.zeroRows(fixed, 1.0)
 
     x = q.x.petsc_vec.copy()

@@ -3,6 +3,7 @@
 frame: (n, 3, 3), rows e1, e2, d0 orthonormal; theta: (n, 2), less than half a turn.
 """
 
+import numba
 import numpy as np
 
 from ..laws import Array
@@ -19,37 +20,49 @@ def frames(d: Array) -> Array:
     return np.stack([e1, np.cross(d, e1), d], axis=1)
 
 
-def _series(angle: Array) -> tuple[Array, Array, Array, Array]:
-    """cos, sin(x)/x, k = (cos - sin/x)/x^2 and (dk/dx)/x, by series where x is small."""
-    c, s = np.cos(angle), np.sinc(angle / np.pi)
-    square = angle * angle
-    small = angle < 1e-2
-    safe = np.where(small, 1.0, square)
-    k = np.where(small, -1 / 3 + square / 30 - square**2 / 840, (c - s) / safe)
-    slope = np.where(small, 1 / 15 - square / 210, (-s - 3 * k) / safe)
-    return c, s, k, slope
+@numba.njit(forceinline=True, error_model="numpy")
+def _series(theta):
+    """cos, sin(x)/x, k = (cos - sin/x)/x^2 and (dk/dx)/x of x = |theta|, by series where x is small."""
+    square = theta[0] * theta[0] + theta[1] * theta[1]
+    x = np.sqrt(square)
+    if x < 1e-2:
+        s = 1 - square / 6 + square**2 / 120 - square**3 / 5040
+        return np.cos(x), s, -1 / 3 + square / 30 - square**2 / 840, 1 / 15 - square / 210
+    c, s = np.cos(x), np.sin(x) / x
+    k = (c - s) / square
+    return c, s, k, (-s - 3 * k) / square
 
 
-def turned(frame: Array, theta: Array) -> tuple[Array, Array]:
+@numba.njit(cache=True, error_model="numpy")
+def turned(frame, theta):
     """Directors (n, 3) and their derivatives by the two angles (n, 2, 3)."""
-    c, s, k, _ = _series(np.linalg.norm(theta, axis=1))
-    e, d0 = frame[:, :2], frame[:, 2]
-    t = np.einsum("na,naj->nj", theta, e)
-    d = c[:, None] * d0 + s[:, None] * t
-    along = -s[:, None] * d0 + k[:, None] * t
-    return d, s[:, None, None] * e + theta[:, :, None] * along[:, None, :]
+    d, derivative = np.empty((len(theta), 3)), np.empty((len(theta), 2, 3))
+    for n in range(len(theta)):
+        c, s, k, _ = _series(theta[n])
+        for j in range(3):
+            t = theta[n, 0] * frame[n, 0, j] + theta[n, 1] * frame[n, 1, j]
+            d[n, j] = c * frame[n, 2, j] + s * t
+            along = -s * frame[n, 2, j] + k * t
+            for a in range(2):
+                derivative[n, a, j] = s * frame[n, a, j] + theta[n, a] * along
+    return d, derivative
 
 
-def second(frame: Array, theta: Array, r: Array) -> Array:
+@numba.njit(cache=True, error_model="numpy")
+def second(frame, theta, r):
     """r . d2d/dtheta_a dtheta_b, shape (n, 2, 2)."""
-    _, s, k, slope = _series(np.linalg.norm(theta, axis=1))
-    on_e, on_d = np.einsum("naj,nj->na", frame[:, :2], r), np.einsum("nj,nj->n", frame[:, 2], r)
-    on_t = (theta * on_e).sum(axis=1)
-    square = theta[:, :, None] * theta[:, None, :]
-    mixed = theta[:, :, None] * on_e[:, None, :]
-    result = (k * on_t - s * on_d)[:, None, None] * np.eye(2)
-    result += (slope * on_t - k * on_d)[:, None, None] * square
-    return result + k[:, None, None] * (mixed + mixed.transpose(0, 2, 1))
+    result, on = np.empty((len(theta), 2, 2)), np.empty(3)
+    for n in range(len(theta)):
+        _, s, k, slope = _series(theta[n])
+        for j in range(3):
+            on[j] = frame[n, j, 0] * r[n, 0] + frame[n, j, 1] * r[n, 1] + frame[n, j, 2] * r[n, 2]
+        on_t = theta[n, 0] * on[0] + theta[n, 1] * on[1]
+        for a in range(2):
+            for b in range(2):
+                mixed = k * (theta[n, a] * on[b] + on[a] * theta[n, b])
+                result[n, a, b] = (slope * on_t - k * on[2]) * theta[n, a] * theta[n, b] + mixed
+            result[n, a, a] += k * on_t - s * on[2]
+    return result
 
 
 def carried(frame: Array, d: Array) -> Array:

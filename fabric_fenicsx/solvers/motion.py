@@ -88,8 +88,7 @@ class Motion:
         self._by_mass: PETSc.KSP | None = None
         self.given, self._given_v, self._given_a = np.empty(0, dtype=np.int32), np.empty(0), np.empty(0)
         """Local unknowns whose motion is prescribed."""
-        self.mass = fempetsc.assemble_matrix(fem.form(mass))
-        self.mass.assemble()
+        self.mass = _compact(fempetsc.assemble_matrix(fem.form(mass)))
         if lumped:
             diagonal = fem.Function(V)
             diagonal.x.array[:] = self.lump()
@@ -269,14 +268,20 @@ class Mass(Term):
 
     def pattern(self) -> tuple[Indices, Indices]:
         """See `Term.pattern`."""
-        indptr, columns, values = self.motion.mass.getValuesCSR()
-        # most of the form's pattern couples what does not move together
-        there = values != 0.0
-        self._values = values[there]
-        rows = np.repeat(np.arange(*self.motion.mass.getOwnershipRange()), np.diff(indptr))
-        return rows[there], columns[there]
+        indptr, columns, self._values = self.motion.mass.getValuesCSR()
+        return np.repeat(np.arange(*self.motion.mass.getOwnershipRange()), np.diff(indptr)), columns
 
     def add_stiffness(self, values: Array) -> None:
         """See `Term.add_stiffness`."""
         motion = self.motion
         values += (motion.damping * float(motion.rate.value) if self._damps else motion.shift) * self._values
+
+
+def _compact(mass: PETSc.Mat) -> PETSc.Mat:
+    """The same without zeros: most of the form's pattern couples what does not move together."""
+    mass.assemble()
+    indptr, columns, values = mass.getValuesCSR()
+    rows = np.repeat(np.arange(len(indptr) - 1), np.diff(indptr))
+    there = (values != 0.0) | (columns == rows + mass.getOwnershipRange()[0])
+    ends = np.concatenate([[0], np.cumsum(np.bincount(rows[there], minlength=len(indptr) - 1))]).astype(PETSc.IntType)
+    return PETSc.Mat().createAIJ(mass.getSizes(), csr=(ends, columns[there], values[there]), comm=mass.comm)

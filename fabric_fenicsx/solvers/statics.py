@@ -68,6 +68,8 @@ class StaticSolver(Reactions):
         self._met, self._pushed, self._sound = True, False, True  # sound: the last Jacobian was finite
         self._nothing = 1e-14 * self.comm.allreduce(np.abs(u.function_space.mesh.geometry.x).max(initial=0.0), MPI.MAX)
         self._fault: Exception | None = None
+        self._seen: tuple[np.ndarray, PETSc.Vec] | None = None  # the last unknowns, and their residual
+        self._leads = any(type(term).follow is not Term.follow for term in self.terms)  # what may change it
         self.residuals: list[float] = []  # their norms in the last solve, N
         self.linear_iterations = 0  # of all solves so far; with factors, a linear system takes one
         self._x, self._b, owned = self._unknowns.vector(), self._unknowns.vector(), self._unknowns.owned
@@ -104,6 +106,9 @@ class StaticSolver(Reactions):
 
     def _residual(self, snes: PETSc.SNES, x: PETSc.Vec, b: PETSc.Vec) -> None:
         # never raise in here: whatever fails, on any rank, must fail the step on every rank
+        if self._seen is not None and self.comm.allreduce(self._sound and self._is_at(x.array_r), MPI.LAND):
+            self._seen[1].copy(b)  # PETSc asks again where a search has ended, and where it begins
+            return
         try:
             self._take(x)
             ok = all([term.evaluate() for term in self.terms])
@@ -111,8 +116,14 @@ class StaticSolver(Reactions):
             self._fault, ok = error, False
         if self.comm.allreduce(ok and self._sound, MPI.LAND):
             self.assemble(x, b)
+            self._seen = None if self._leads else (x.array_r.copy(), b.copy())
         else:
             b.set(np.nan)
+            self._seen = None
+
+    def _is_at(self, x: np.ndarray) -> bool:
+        """Whether the terms were last evaluated at these owned unknowns, on this rank."""
+        return self._seen is not None and np.array_equal(x, self._seen[0])
 
     def assemble(self, x: PETSc.Vec, b: PETSc.Vec) -> None:
         """Residual b (N) at the last x and its stresses, under the present loads; gaps (m) at given unknowns."""
@@ -172,7 +183,7 @@ class StaticSolver(Reactions):
 
     def begin(self) -> PETSc.Vec:
         """Forget the last solve; the unknowns at the present u."""
-        self.residuals, self._fault, self._sound = [], None, True
+        self.residuals, self._fault, self._sound, self._seen = [], None, True, None
         self.aim()
         self._unknowns.put(self._x)
         if self._motions is not None:
@@ -190,6 +201,7 @@ class StaticSolver(Reactions):
 
     def residual(self, x: PETSc.Vec) -> PETSc.Vec:
         """Residual at x under the present loads, valid until the next; NaN, on every rank, if a law failed."""
+        self._seen = None
         self._residual(self.snes, x, self._b)
         return self._b
 
@@ -262,8 +274,10 @@ class StaticSolver(Reactions):
 
     def commit(self) -> None:
         """Accept the present u: the only call that moves the past."""
+        there = self.comm.allreduce(self._is_at(self._y.x.array[: self._x.local_size]), MPI.LAND)
         for term in self.terms:
-            term.evaluate()  # the last residual need not have been at the accepted u
+            if not there:
+                term.evaluate()
             term.commit()
         if self._shell is not None:
             self._shell.commit(self._y)
@@ -272,7 +286,7 @@ class StaticSolver(Reactions):
 
     def restore(self) -> None:
         """Back to the last commit."""
-        self._y.x.array[:] = self._accepted
+        self._y.x.array[:], self._seen = self._accepted, None
         self._unknowns.settle()
         for term in self.terms:
             term.restore()

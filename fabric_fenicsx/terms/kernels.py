@@ -106,53 +106,61 @@ def stiffness(batch, tangent, stress, weights, out):
     """Add to `out` (owned cells, n, n) the stiffness of each cell, of tangent and stress at the points."""
     M, spans, pairs, rest, start, normal, directors, q, dofs = batch
     nodes, n, strains = start.shape[1], start.shape[1] + directors.shape[1], len(spans)
-    r, x, W = np.zeros((n, 3, LANES)), np.zeros((n, 3, LANES)), np.empty(len(pairs))
-    B, CB = np.empty((strains, 3 * n + 3)), np.empty((strains, 3 * n + 3))
-    G = np.empty((n + 1, n + 1))
-    for c in range(len(weights)):
-        block, lane = c // LANES, c % LANES
-        if lane == 0:
-            _gather(block, rest, start, normal, directors, q, dofs, r, x)
-        K = out[c]
-        W[:] = 0.0
-        for p in range(M.shape[1]):
-            w, t = weights[c, p], 0
-            B[:] = 0.0
+    points, size = M.shape[1], 3 * n + 3
+    r, x, W = np.zeros((n, 3, LANES)), np.zeros((n, 3, LANES)), np.empty((len(pairs), LANES))
+    side, N = np.empty((points * strains, size, LANES)), np.zeros(LANES)
+    B, CB, K, G = np.empty(side.shape[:2]), np.empty(side.shape[:2]), np.empty((size, size)), np.empty((n + 1, n + 1))
+    for block in range(-(-len(weights) // LANES)):
+        cells = min(LANES, len(weights) - block * LANES)
+        _gather(block, rest, start, normal, directors, q, dofs, r, x)
+        W[:], side[:] = 0.0, 0.0
+        for p in range(points):
+            t = 0
             for a in range(strains):
-                N = w * stress[c, p, a]
+                row = side[p * strains + a]
+                for lane in range(cells):
+                    N[lane] = weights[block * LANES + lane, p] * stress[block * LANES + lane, p, a]
                 for k in range(spans[a, 0], spans[a, 1]):
-                    s = M[block, p, t, lane]
+                    i, j, s = pairs[k, 0], pairs[k, 1], M[block, p, t]
                     t += 1
-                    W[k] += N * s
-                    i, j = pairs[k, 0], pairs[k, 1]
+                    for lane in range(LANES):
+                        W[k, lane] += N[lane] * s[lane]
                     for m in range(3):
-                        B[a, 3 * i + 3 + m] += s * x[j, m, lane]
-                        B[a, 3 * j + 3 + m] += s * x[i, m, lane]
+                        for lane in range(LANES):
+                            row[3 * i + 3 + m, lane] += s[lane] * x[j, m, lane]
+                        for lane in range(LANES):
+                            row[3 * j + 3 + m, lane] += s[lane] * x[i, m, lane]
                 for i in range(nodes):
                     for m in range(3):
-                        B[a, m] -= B[a, 3 * i + 3 + m]
-            for a in range(strains):
-                CB[a] = 0.0
-                for b in range(strains):
-                    C = w * tangent[c, p, a, b]
-                    for j in range(3 * n + 3):
-                        CB[a, j] += C * B[b, j]
-            for i in range(3 * n + 3):
+                        for lane in range(LANES):
+                            row[m, lane] -= row[3 * i + 3 + m, lane]
+        for lane in range(cells):
+            c = block * LANES + lane
+            for a in range(points * strains):
+                for j in range(size):
+                    B[a, j] = side[a, j, lane]
+            CB[:] = 0.0
+            for p in range(points):
                 for a in range(strains):
-                    s = B[a, i]
-                    for j in range(3 * n + 3):
-                        K[i, j] += s * CB[a, j]
-        G[:] = 0.0
-        for k in range(len(pairs)):
-            i, j = pairs[k, 0] + 1, pairs[k, 1] + 1
-            G[i, j] += W[k]
-            G[j, i] += W[k]
-        for i in range(1, nodes + 1):
-            G[0] -= G[i]
-        G[1:, 0] = G[0, 1:]
-        for i in range(1, nodes + 1):
-            G[0, 0] -= G[0, i]
-        for i in range(n + 1):
-            for j in range(n + 1):
-                for m in range(3):
-                    K[3 * i + m, 3 * j + m] += G[i, j]
+                    for b in range(strains):
+                        C = weights[c, p] * tangent[c, p, a, b]
+                        for j in range(size):
+                            CB[p * strains + a, j] += C * B[p * strains + b, j]
+            np.dot(B.T, CB, K)
+            G[:] = 0.0
+            for k in range(len(pairs)):
+                i, j = pairs[k, 0] + 1, pairs[k, 1] + 1
+                G[i, j] += W[k, lane]
+                G[j, i] += W[k, lane]
+            for i in range(1, nodes + 1):
+                G[0] -= G[i]
+            G[1:, 0] = G[0, 1:]
+            for i in range(1, nodes + 1):
+                G[0, 0] -= G[0, i]
+            for i in range(n + 1):
+                for j in range(n + 1):
+                    for m in range(3):
+                        K[3 * i + m, 3 * j + m] += G[i, j]
+            for i in range(size):
+                for j in range(size):
+                    out[c, i, j] += K[i, j]

@@ -74,6 +74,8 @@ class LawPoints:
         self._start: tuple[Array, Array, Array] | None = None
         self._taken: Array | None = None
         self._energy = 0.0
+        self._before: Array | None = None  # the potential at the start
+        self._known: float | None = None  # what is stored at the last evaluation
 
     def evaluate(self, tangent: bool = True, stiffest: bool = False) -> bool:
         """Strain, then stress, tangent and trial state from the committed one; False if one is not finite.
@@ -81,7 +83,7 @@ class LawPoints:
         tangent: whether it is wanted; a law that cannot leave it out gives it. stiffest: of the stiffest linear law
         that the law tells, else of the law at its first state; the trial state stays.
         """
-        m, history = self.strain.shape[-1], self.history
+        m, history, self._known = self.strain.shape[-1], self.history, None
         self.measure(self.strain)
         strain, stress = self.strain.reshape(-1, m), self.stress.reshape(-1, m)
         if stiffest:
@@ -156,11 +158,16 @@ class LawPoints:
             self._taken[: self.owned] += self._work().reshape(self.owned, self.strain.shape[1])
         strain, stress = self._own()
         self._start = strain.copy(), stress.copy(), self._states(self.history.committed).copy()
-        self._energy = self._stored(self.history.committed)
+        self._before = None
+        if self._known is None:
+            self._known = self._stored(self.history.committed)
+        self._energy = self._known
 
     def energy(self) -> float:
         """What the law gives back, J on this rank; of a law that cannot tell, all that it has taken since `watch`."""
-        return self._stored(self.history.trial)
+        if self._known is None:
+            self._known = self._stored(self.history.trial)
+        return self._known
 
     def dissipated(self) -> float:
         """The rest of the work since `watch`, J on this rank."""
@@ -188,7 +195,9 @@ class LawPoints:
             return np.zeros(self.owned * self.strain.shape[1])
         (strain, stress, state), (now, force) = self._start, self._own()
         if self._potential is not None:  # exactly
-            return np.asarray(self._weights.ravel() * (self._potential(now, state) - self._potential(strain, state)))
+            if self._before is None:
+                self._before = self._potential(strain, state)
+            return np.asarray(self._weights.ravel() * (self._potential(now, state) - self._before))
         change, (n, m) = now - strain, strain.shape
         middle, moduli = np.empty_like(stress), np.empty((0 if self._spares else n, m, m))
         flags = {"tangent": False} if self._spares else {}
