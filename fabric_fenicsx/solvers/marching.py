@@ -72,10 +72,11 @@ class March:
                         self._fraction /= 2
                         if self._fraction < self._smallest:
                             self._set_load(self.load)
+                            slack = held.without_stiffness(solver) if solver.scale == 0.0 else ""  # type: ignore[attr-defined]
                             raise StepFailed(
                                 f"Step {self.number + 1} stopped at load {self.load:.6g} on its way to {target:.6g}, "
-                                f"after {cuts} cuts of the step: {error}. Smaller steps or a smoother load may help, "
-                                "or motion where cloth is slack or flat; is the load in its unit?"
+                                f"after {cuts} cuts of the step: {error}. {slack}Smaller steps or a smoother load may "
+                                "help, or motion where cloth is slack or flat; is the load in its unit?"
                             ) from None
                         continue
                     solver.commit()

@@ -33,7 +33,7 @@ class Pivots:
         cells = mesh.topology.index_map(mesh.topology.dim).size_global
         area = mesh.comm.allreduce(fem.assemble_scalar(fem.form(fem.Constant(mesh, 1.0) * ufl.dx(mesh))))
         self.area = float(area) / cells
-        self._metric, self._start, self._given = x.duplicate(), _uneven(y, x), given
+        self._metric, self._start, self._given = x.duplicate(), uneven(y, x), given
         self._metric.set(self.area / 4.0)
         self._metric.array_w[displacements] = 1.0
         for v in (self._metric, self._start):
@@ -89,7 +89,7 @@ class Pivots:
         return float(value), v
 
 
-def _uneven(y: fem.Function, x: PETSc.Vec) -> PETSc.Vec:
+def uneven(y: fem.Function, x: PETSc.Vec) -> PETSc.Vec:
     """Displacements without symmetry, the same on any number of ranks: a function of the place."""
     field = fem.Function(V := y.function_space)
     if V.num_sub_spaces and V.dofmap.bs == 1:  # (u, angles)
