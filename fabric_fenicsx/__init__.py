@@ -54,7 +54,7 @@ The other rooms serve these: `surfaces.checking`, `surfaces.grouping` and `surfa
 the directors, `terms.kernels` the stiffness, `solvers.tangent` the matrix, `solvers.stepper`, `solvers.step` and
 `solvers.stable_step` the motions, `contact.skin`, `contact.collisions`, `contact.planes`, `contact.surroundings`,
 `contact.pairs`, `contact.barrier` and `contact.friction` contact, `solvers.leading` what leads,
-`solvers.held` statics, `solvers.reactions` and `solvers.failures` all of them,
+`solvers.held` and `solvers.zero_energy` statics, `solvers.reactions` and `solvers.failures` all of them,
 `entries` the TOML files, `compiling` the forms that are compiled once and kept,
 `files` and `output.gathering` what is written, `photographs.reading`, `photographs.marks`, `photographs.tracking`,
 `photographs.plane`, `photographs.corrections`, `photographs.marker_file` and `photographs.contact_sheet` the

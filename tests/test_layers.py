@@ -36,9 +36,10 @@ FLOORS = [
     {"terms": [{"supports", "term", "points", "weakform", "kernels"}, {"hook", "extra", "pairing"}, {"work", "form"}]},
     {
         "solvers": [
-            {"held"},
+            {"held", "pivots"},
+            {"zero_energy"},
             {"linear", "continuation", "checkpoint", "reactions", "tangent", "failures"},
-            {"marching", "motion", "pivots", "leading"},
+            {"marching", "motion", "leading"},
             {"unknowns"},
             {"statics"},
             {"descent"},

@@ -8,7 +8,7 @@ import numpy as np
 from dolfinx import fem
 
 from ..errors import InputError, StepFailed
-from . import held
+from . import held, zero_energy
 from .checkpoint import Field
 from .continuation import Solver, Step, progress_bar
 
@@ -72,7 +72,7 @@ class March:
                         self._fraction /= 2
                         if self._fraction < self._smallest:
                             self._set_load(self.load)
-                            slack = held.without_stiffness(solver) if solver.scale == 0.0 else ""  # type: ignore[attr-defined]
+                            slack = zero_energy.named(solver) if solver.scale == 0.0 else ""  # type: ignore[attr-defined]
                             raise StepFailed(
                                 f"Step {self.number + 1} stopped at load {self.load:.6g} on its way to {target:.6g}, "
                                 f"after {cuts} cuts of the step: {error}. {slack}Smaller steps or a smoother load may "
