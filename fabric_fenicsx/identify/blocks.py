@@ -11,6 +11,7 @@ from ..laws.potential import Potential
 from . import point
 from .curves import Readings
 from .cycles import Cycles
+from .identified import Compared
 from .markers import Contraction
 from .strips import BiaxialTest, StripTest
 
@@ -119,6 +120,21 @@ def of_biaxial(test: BiaxialTest) -> Block:
         return np.where(strain[:, 2] == 0, S[:, 0], S[:, 1])
 
     return Block(test.name, x, y, model, sigma, test)
+
+
+def compare_biaxial(trial: Trial, test: BiaxialTest) -> list[Compared]:
+    """Each stress of a biaxial test over the strain of a yarn that is drawn, beside the law."""
+    out = []
+    for i, way in enumerate(("warp", "weft")):
+        lead = 0 if test.drawn == "warp" else 1 if test.drawn == "weft" else i
+        told = [(E, pair[i]) for E, pair in zip(test.strains, test.readings, strict=True)]
+        shown = [Readings(r.file, E[:, lead], r.stress) for E, r in told if r is not None]
+        if shown:
+            furthest = max(test.strains, key=lambda E: float(E.max()))[-1]
+            line = np.linspace(0, 1, 61)[1:, None] * furthest
+            model = line[:, lead], point.biaxial(trial.law, line)[:, i]
+            out.append(Compared(f"{test.name}: {way} stress", shown, model, not test.held_out, "drawn evenly"))
+    return out
 
 
 def _binned(name: str, x: list[Array], y: list[Array], model: Model) -> Block:

@@ -23,7 +23,7 @@ from .cleaning import noise
 from .curves import Loading
 
 NODES = 4
-LEG = 60  # readings of a leg, at most: means of those that follow each other
+LEG = 40  # readings of a leg, at most: means of those that follow each other
 BETTER = 0.9  # misfit over that without friction, from which on friction is needless
 PART = 0.02  # of the range: a way back that is shorter is none
 ASSUMED = {  # middle and standard deviation where no reading tells
@@ -156,7 +156,7 @@ class _Fit:
         low = np.array([*self.logs - 4, np.log(self.unloading) - 1.5, *ends[0]])
         high = np.array([*self.logs + 4, np.log(self.unloading) + 4, *ends[1]])
         best = None
-        for friction, softening in ((0.02, 0.3), (0.1, 0.1), (0.02, 0.6)):
+        for friction, softening in ((0.02, 0.3), (0.1, 0.1)):
             theta = [*self.logs, np.log(self.unloading), *(ASSUMED[name][0] for name in NAMES)]
             theta[NODES + 1], theta[NODES + 1 + NAMES.index("softening")] = friction, softening
             start = np.clip(theta, low + 1e-6, high - 1e-6)

@@ -24,18 +24,20 @@ from ..errors import InputError, StepFailed
 from ..fabrics import Fabric
 from ..laws import Array
 from ..laws.potential import Potential
+from ..laws.stability import rotate_strain
 from . import blocks, curves, cycles, point
 from .blocks import Block, Trial
 from .curves import Estimate, Readings
 from .identified import WAYS, Compared, Curve, Identified
 from .records import Strip
-from .strips import BiaxialTest, StripTest
+from .strips import StripTest, slanted
 
 PRIOR = 1.5  # standard deviation of the logarithm of `transverse` where no test tells it
 DRAWS, SEED = 300, 2010  # of the bootstrap
 FAR = 1e3  # residual of a trial that has no balance
-ROUNDS, SETTLED = 4, 0.005  # of simulations, and the change of their ratio that is none
+ROUNDS, SETTLED = 6, 0.005  # of simulations, and the change of their ratio that is none
 FREE = 1.5  # unloading modulus of a trial over its largest loading one: no test of loading sees it
+WIDER = 0.02  # change of the range of shear that is none
 PLACES = 41  # of a curve, at which its modulus is kept positive
 SIMULATED = 8  # displacements of a simulated strip
 
@@ -46,12 +48,12 @@ type Simulate = Callable[[Fabric, Strip, float, Array], Array]
 def fit(found: Identified, simulate: Simulate | None = None) -> Identified:
     """The same with everything that couples fitted together, and with strips and biaxial tests beside their model.
 
-    `simulate` of strips between grips; without it they count as if they pulled evenly, which is said. Raises
-    InputError where warp, weft, a ratio or any test of shear is missing.
+    Without `simulate`, strips between grips count as if they pulled evenly, which is said. Raises InputError where
+    warp, weft, a ratio or any test of shear is missing.
     """
     missing = [f"the {way} curve" for way in ("warp", "weft") if way not in found.curves]
     missing += [key for key in ("nu12", "nu21") if key not in found.poisson and key not in found.tests.assumed]
-    if "shear" not in found.curves and found.bias is None and not any(_slanted(one) for one in found.strips):
+    if "shear" not in found.curves and found.bias is None and not any(slanted(one) for one in found.strips):
         missing.append("a test of shear")
     if missing:
         raise InputError(
@@ -59,11 +61,6 @@ def fit(found: Identified, simulate: Simulate | None = None) -> Identified:
             "a value under [assumed]."
         )
     return _Fit(found, simulate).solve()
-
-
-def _slanted(one: StripTest) -> bool:
-    """Whether it shears, and is used."""
-    return not one.held_out and one.off_yarns
 
 
 class _Fit:
@@ -88,14 +85,14 @@ class _Fit:
         ]
         self.blocks += [blocks.of_cycles(self.cycled)] if self.cycled else []
         self.blocks += [blocks.of_dots(key, self.found.contractions[key]) for key in self.photographed]
-        self.blocks += [self._scaled(blocks.of_strips(one)) for one in self.strips if _slanted(one)]
+        self.blocks += [self._scaled(blocks.of_strips(one)) for one in self.strips if slanted(one)]
         self.blocks += [blocks.of_biaxial(one) for one in found.biaxial if not one.held_out]
 
     # -- unknowns -----------------------------------------------------------------------------------------------------
 
     def _with_shear(self, found: Identified) -> Identified:
         """A first guess of shear from the strip that is nearest to the bias, as if its yarns kept their length."""
-        near = min(filter(_slanted, self.strips), key=lambda one: abs(one.angle - np.pi / 4))
+        near = min(filter(slanted, self.strips), key=lambda one: abs(one.angle - np.pi / 4))
         slant = float(np.sin(2 * near.angle))
         loading = curves.loading([Readings(r.file, r.strain / slant, r.stress * slant / 2) for r in near.readings])
         reach = found.tests.strip.gauge_length * (np.sqrt(1 + 2 * loading.limit) - 1)
@@ -188,13 +185,32 @@ class _Fit:
                 self._residual, theta, bounds=self._bounds(), x_scale="jac", xtol=1e-8, ftol=1e-8, max_nfev=60
             )
             theta = answer.x
-            if not self._simulated(theta):
+            wider = self._widened(theta)
+            if not self._simulated(theta) and wider is None:
                 break
+            theta = theta if wider is None else wider
         else:
             self.notes.append("the simulated strips still changed at the end of the fit; look at their panels.")
         trial = self._trial(theta)
         spread = blocks.bootstrap(self.blocks, trial, answer.jac, self._rest(theta), DRAWS, SEED)
         return self._answer(theta, trial, spread)
+
+    def _widened(self, theta: Array) -> Array | None:
+        """The same over the range of shear that strips had, if they alone tell it; None if that is the present one."""
+        used, old = [one for one in self.strips if slanted(one)], self.limits["shear"]
+        if self.found.curves["shear"].readings or not used:
+            return None
+        law, most = self._trial(theta).law, 0.0
+        for one in used:
+            strain = point.strip(law, np.array([np.median([r.strain.max() for r in one.readings])]), one.angle)[1]
+            most = max(most, abs(float(rotate_strain(strain, -one.angle)[0, 2])) / 2)
+        if not np.isfinite(most) or abs(most / old - 1) < WIDER:
+            return None
+        c, _ = self._moduli("shear", self._split(theta))
+        D = np.polynomial.polynomial.polyval(np.linspace(0, most, self.terms["shear"]), c)
+        self.limits["shear"] = most
+        parts = self._split(theta) | {"shear": np.log(np.maximum(D, 0.05 * np.abs(D).max()))}
+        return np.concatenate([*parts.values()])
 
     def _scaled(self, block: Block) -> Block:
         """The same with a model that is scaled as simulated strips have it, once they have been."""
@@ -204,9 +220,10 @@ class _Fit:
 
     def _simulated(self, theta: Array) -> bool:
         """Simulate the strips between grips; whether any changed its ratio to one that pulls evenly."""
-        clamped = [one for one in self.strips if _slanted(one) and one.ends == "clamped"]
+        clamped = [one for one in self.strips if slanted(one) and one.ends == "clamped"]
         if clamped and self.simulate is None:
-            self.notes.append("strips between grips count as if they pulled evenly, as nothing simulates them.")
+            note = "strips between grips count as if they pulled evenly, as nothing simulates them."
+            self.notes += [] if note in self.notes else [note]
             return False
         changed = False
         for one in clamped:
@@ -238,7 +255,8 @@ class _Fit:
             P = curves.powers(np.linspace(0, self.limits[way], 51), len(c))
             top = float(P[-1] @ c)
             fitted = replace(
-                old.loading, modulus=tuple(map(float, c)), errors=tuple(map(float, np.sqrt(np.diag(C)))),
+                old.loading, limit=self.limits[way], modulus=tuple(map(float, c)),
+                errors=tuple(map(float, np.sqrt(np.diag(C)))),
                 spread=float(np.sqrt(np.einsum("ij,jk,ik->i", P, C, P).max())) / top,
             )  # fmt: skip
             misses = [r.stress - old.friction - fitted.stress(r.strain) for r in old.readings]
@@ -261,7 +279,7 @@ class _Fit:
             value = min(float(np.exp(log)), 0.999 * most)
             across[way] = Estimate(value, value * float(np.sqrt(spread[i, i])), count)
         compared = [one for test in self.strips if test.off_yarns or test.held_out for one in self._strip(trial, test)]
-        compared += [one for test in found.biaxial for one in _biaxial(trial, test)]
+        compared += [one for test in found.biaxial for one in blocks.compare_biaxial(trial, test)]
         return replace(
             found, curves=new, poisson=poisson, transverse=across, compared=tuple(compared), notes=self.notes,
             friction=trial.fabric.shear_friction,
@@ -274,21 +292,6 @@ class _Fit:
         if test.off_yarns and test.ends == "clamped" and self.simulate is not None:
             S, how = S * _through(*self._ratio(trial, test))(E), "simulated"
         return [Compared(test.name, test.readings, (E, S), not test.held_out, how)]
-
-
-def _biaxial(trial: Trial, test: BiaxialTest) -> list[Compared]:
-    """Each stress of a biaxial test over the strain of a yarn that is drawn, beside the law."""
-    out = []
-    for i, way in enumerate(("warp", "weft")):
-        lead = 0 if test.drawn == "warp" else 1 if test.drawn == "weft" else i
-        told = [(E, pair[i]) for E, pair in zip(test.strains, test.readings, strict=True)]
-        shown = [Readings(r.file, E[:, lead], r.stress) for E, r in told if r is not None]
-        if shown:
-            furthest = max(test.strains, key=lambda E: float(E.max()))[-1]
-            line = np.linspace(0, 1, 61)[1:, None] * furthest
-            model = line[:, lead], point.biaxial(trial.law, line)[:, i]
-            out.append(Compared(f"{test.name}: {way} stress", shown, model, not test.held_out, "drawn evenly"))
-    return out
 
 
 def _through(E: Array, ratio: Array) -> Callable[[Array], Array]:

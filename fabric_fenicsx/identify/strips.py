@@ -63,6 +63,11 @@ class StripTest:
         return bool(0.01 < self.angle < np.pi / 2 - 0.01)
 
 
+def slanted(one: StripTest) -> bool:
+    """Whether it shears, and is used."""
+    return not one.held_out and one.off_yarns
+
+
 @dataclass(frozen=True)
 class BiaxialTest:
     """Specimens drawn along both yarns; `readings` of each, stress (Pa) over strain along warp, and along weft."""
