@@ -21,7 +21,8 @@ from .motion import Motion
 from .step import MovingSolver
 from .stepper import Stepper
 
-OPTIONS: dict[str, object] = {"snes_max_it": 30}
+# mass leaves no pivot null
+OPTIONS: dict[str, object] = {"snes_max_it": 30, "mat_mumps_icntl_24": None, "mat_mumps_icntl_13": None}
 """PETSc options over those of `statics`."""
 KINKS: dict[str, object] = {"snes_linesearch_type": "secant"}
 """Where a term has kinks: a sheet that unloads is full of them, and full steps overshoot.
