@@ -19,8 +19,8 @@ class Barrier(PairTerm):
     def _forces(self) -> Array:
         return self._around.collisions.gradient()
 
-    def _matrix(self) -> Any:
-        return self._around.collisions.hessian()
+    def _matrices(self) -> list[Any]:
+        return self._around.collisions.hessians()
 
     def longest_step(self, change: Array) -> float:
         """See `Term.longest_step`."""

@@ -79,26 +79,26 @@ class Collisions:
         self.set = kit.NormalCollisions()
         self.set.collision_set_type = kit.NormalCollisions.IPC
         self.set.use_area_weighting = True
+        self._allowed = 2 * reach
+        """How far a corner may go before pairs that are near are looked for again, m."""
         self.x = np.full((starts[-1], 3), np.nan)
         self._near, self._about = kit.Candidates(), np.full((starts[-1], 3), np.inf)
         self._gradient: Array | None = None
-        self._hessian: Any = None
 
     def place(self, x: Array, shifts: Array) -> bool:
         """Put all corners and planes in their places; False where they are not finite, and nothing then touches."""
         if np.array_equal(x, self.x) and np.array_equal(shifts, self.shifts):
             return True
-        self._gradient = self._hessian = None
+        self._gradient = None
         if not (np.isfinite(x).all() and np.isfinite(shifts).all()):
             self.set.clear()
             self.x = np.full(x.shape, np.nan)
             return False
         self.x, self.shifts = np.asfortranarray(x), shifts.copy()
         # a broad phase costs as much as all the rest: its pairs are of a wider reach, good until a corner has left it
-        allowed = 2 * self.reach
-        if not np.linalg.norm(x - self._about, axis=1).max() < allowed:
+        if not np.linalg.norm(x - self._about, axis=1).max() < self._allowed:
             self._about = self.x
-            self._near.build(self.mesh, self.x, allowed + (self.reach + self.offset) / 2, self._broad)
+            self._near.build(self.mesh, self.x, self._allowed + (self.reach + self.offset) / 2, self._broad)
         self.set.build(self._near, self.mesh, self.x, self.reach, self.offset)
         return True
 
@@ -122,16 +122,14 @@ class Collisions:
                 self._gradient[: self.count] += self.planes.forces(k, self.nodes, shift)
         return self._gradient
 
-    def hessian(self) -> Any:
-        """Its second derivative, a sparse matrix (3 n, 3 n) of SciPy, N/m; None if nothing touches."""
-        if self._hessian is None:
-            if len(self.set):
-                self._hessian = self.barrier.hessian(self.set, self.mesh, self.x)
-            if len(self.shifts):
-                flat = self.planes.matrix(self.nodes, self.shifts, self.x.size)
-                self._hessian = flat if self._hessian is None else self._hessian.tocsr() + flat
-            self._hessian = None if self._hessian is None else self._hessian.tocoo()
-        return self._hessian
+    def hessians(self) -> list[Any]:
+        """Its second derivative, sparse matrices (3 n, 3 n) of SciPy, N/m, to be summed up."""
+        found = []
+        if len(self.set):
+            found.append(self.barrier.hessian(self.set, self.mesh, self.x))
+        if len(self.shifts):
+            found.append(self.planes.matrix(self.nodes, self.shifts, self.x.size))
+        return found
 
     def least_gap(self) -> float:
         """Least distance less the offset, m; infinite where nothing is within reach."""
@@ -139,6 +137,16 @@ class Collisions:
         if len(self.set):
             gap = min(gap, float(np.sqrt(self.set.compute_minimum_distance(self.mesh, self.x))) - self.offset)
         return gap if gap < self.reach else np.inf
+
+    def _cannot_meet(self, moved: Array) -> bool:
+        """Whether nothing that is near can meet on a way of all corners as short as this."""
+        gap = self.reach
+        if len(self.set):
+            gap = min(gap, float(np.sqrt(self.set.compute_minimum_distance(self.mesh, self.x))) - self.offset)
+        squares = np.einsum("ij,ij->i", moved, moved)
+        # two corners of the sheet may close in on each other, those of bodies do not
+        most = np.sqrt(squares[: self.count].max()), np.sqrt(squares[self.count :].max(initial=0.0))
+        return bool(most[0] + max(most) < 0.9 * gap)
 
     def crossed(self) -> bool:
         """Whether any triangles cross in the present places, or nodes are behind a plane."""
@@ -153,8 +161,14 @@ class Collisions:
         """
         part = self.planes.free_part(x0[: self.count], x1[: self.count], self.shifts, way)
         x0, x1 = np.asfortranarray(x0), np.asfortranarray(x0 + part * (x1 - x0))
-        swept = self.kit.Candidates()
-        swept.build(self.mesh, x0, x1, self.offset / 2, self._broad)
+        moved = x1 - x0
+        if np.array_equal(x0, self.x) and self._cannot_meet(moved):
+            return part
+        if max(np.linalg.norm(x - self._about, axis=1).max() for x in (x0, x1)) < self._allowed:
+            swept = self._near
+        else:
+            swept = self.kit.Candidates()
+            swept.build(self.mesh, x0, x1, self.offset / 2, self._broad)
         if len(swept):
             part *= swept.compute_collision_free_stepsize(self.mesh, x0, x1, self.offset, self._narrow)
         return part

@@ -1,6 +1,7 @@
 """The free bodies of a sheet: their unknowns, inertia and weight, as a term."""
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 import scipy.sparse
@@ -71,8 +72,8 @@ class FreeBodies(Extra):
         """Forces on all bodies' corners (n, 3), at the unknowns."""
         return np.concatenate([body.pulled(forces[body.corners]) for body in self.bodies])
 
-    def reduced(self, matrix: scipy.sparse.sparray, forces: Array) -> scipy.sparse.coo_array:
-        """A derivative by all corners, those of the sheet first, by the sheet's and by the unknowns instead.
+    def reduced(self, parts: Sequence[Any], forces: Array) -> scipy.sparse.coo_array:
+        """A derivative by all corners, a sum, those of the sheet first, by the sheet's and by the unknowns instead.
 
         forces: on all corners (n, 3).
         """
@@ -92,8 +93,7 @@ class FreeBodies(Extra):
         turn = scipy.sparse.csr_array((data, (i, j)), shape=(n, 3 * count + self.count))
         i, j = np.indices(bent.shape) + 3 * count
         curved = scipy.sparse.csr_array((bent.ravel(), (i.ravel(), j.ravel())), shape=(turn.shape[1],) * 2)
-        # summed up: each entry comes once
-        return (turn.T @ scipy.sparse.csr_array(matrix) @ turn + curved).tocoo()
+        return (sum(turn.T @ (scipy.sparse.csr_array(part) @ turn) for part in parts) + curved).tocoo()
 
     # -- a term ----------------------------------------------------------------------------------------------------
 

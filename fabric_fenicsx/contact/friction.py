@@ -84,16 +84,17 @@ class Friction(PairTerm):
         law, shifts = (self._law.eps_v, self._coefficients), (around.shifts[k], around.shifts0[k])
         return near.planes.friction(k, near.nodes, around.x0[: near.count], shifts, *law)
 
-    def _matrix(self) -> Any:
+    def _matrices(self) -> list[Any]:
         self._forces()
-        near = self._around.collisions
-        found = blocks([self.of_plane(k)[::2] for k in range(len(near.shifts))], near.x.size)
+        near, found = self._around.collisions, []
+        if len(near.shifts):
+            found.append(blocks([self.of_plane(k)[::2] for k in range(len(near.shifts))], near.x.size))
         if len(near.set):
             *first, offset = self._arguments()
             by = near.kit.FrictionPotential.DiffWRT
             for wrt in (by.VELOCITIES, by.LAGGED_DISPLACEMENTS):
-                found = found - self._law.force_jacobian(*first, wrt, offset)
-        return found.tocoo()
+                found.append(-self._law.force_jacobian(*first, wrt, offset))
+        return found
 
     def energy(self) -> float:
         """None is stored."""

@@ -1,5 +1,6 @@
 """What terms of contact share: forces on all corners, and where their stiffness goes in the matrix of a sheet."""
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -30,7 +31,7 @@ class Scatter:
         first, second = (part.ravel() for part in np.meshgrid(every, beyond, indexing="ij"))
         pairs = (skin.faces[:, i.ravel()].ravel(), first, second), (skin.faces[:, j.ravel()].ravel(), second, first)
         self._within = self.keys = self._own(*(np.concatenate(part) for part in pairs))
-        self._before = self.keys[:0]
+        self._before, self._whole = self.keys[:0], skin.mine == slice(0, n)
 
     def _here(self, i: np.ndarray) -> np.ndarray:
         """Whether this rank has their rows."""
@@ -42,14 +43,18 @@ class Scatter:
         own = self._here(i)
         return np.unique(i[own].astype(np.int64) * self._n + j[own])
 
-    def entries(self, matrix: Any) -> Entries | None:
-        """Pairs, places in a pair's 3 x 3 entries, and values of a sparse matrix of all corners."""
-        if matrix is None:
+    def entries(self, matrices: Sequence[Any]) -> Entries | None:
+        """Pairs, places in a pair's 3 x 3 entries, and values of sparse matrices of all corners; some come again."""
+        parts = [matrix.tocoo() for matrix in matrices if matrix.nnz]
+        if not parts:
             return None
-        i, a = np.divmod(matrix.row, 3)
-        j, b = np.divmod(matrix.col, 3)
-        own = self._here(i) & (i < self._n) & (j < self._n)
-        return i[own].astype(np.int64) * self._n + j[own], 3 * a[own] + b[own], matrix.data[own]
+        row, column, values = (np.concatenate([getattr(p, name) for p in parts]) for name in ("row", "col", "data"))
+        inside = (row < 3 * self._n) & (column < 3 * self._n)
+        row, column, values = row[inside], column[inside], values[inside]
+        i, j = row // 3, column // 3
+        own = slice(None) if self._whole else self._here(i)
+        pair, within = i.astype(np.int64) * self._n + j, 3 * (row - 3 * i) + column - 3 * j
+        return pair[own], within[own], values[own]
 
     def covers(self, found: Entries | None) -> bool:
         """Whether all pairs are among those of `pattern`."""
@@ -71,18 +76,18 @@ class Scatter:
     def add(self, found: Entries | None, values: Array) -> None:
         """Add to the entries of `pattern`."""
         if found is not None and len(found[0]):
-            values[9 * np.searchsorted(self.keys, found[0]) + found[1]] += found[2]
+            at = 9 * np.searchsorted(self.keys, found[0]) + found[1]
+            values += np.bincount(at, found[2], minlength=len(values))
 
 
 class PairTerm(Term):
     """A force between corners, edges and triangles that are near each other.
 
-    A class derived from this one gives `_forces`, of all corners (n, 3) in N, and `_matrix`, their derivative by all
-    places, a sparse matrix of SciPy or None.
+    A class derived from this one gives `_forces`, of all corners (n, 3) in N, and `_matrices`, whose sum is their
+    derivative by all places, sparse ones of SciPy.
     """
 
     impulsive = True
-    has_kinks = True
 
     def __init__(self, around: Surroundings) -> None:
         self._around, self._skin, self._scatter = around, around.skin, Scatter(around.skin, around.free)
@@ -93,15 +98,15 @@ class PairTerm(Term):
     def _forces(self) -> Array:
         raise NotImplementedError
 
-    def _matrix(self) -> Any:
+    def _matrices(self) -> list[Any]:
         raise NotImplementedError
 
     def _entries(self) -> Entries | None:
         if self._found is None:
-            matrix, free = self._matrix(), self._around.free
-            if free is not None and matrix is not None:
-                matrix = free.reduced(matrix, self._forces())
-            self._found = self._scatter.entries(matrix)
+            found, free = self._matrices(), self._around.free
+            if free is not None and found:
+                found = [free.reduced(found, self._forces())]
+            self._found = self._scatter.entries(found)
         return self._found
 
     def evaluate(self, tangent: bool = True, stiffest: bool = False) -> bool:

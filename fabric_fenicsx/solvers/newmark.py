@@ -36,6 +36,12 @@ correction is its slope. A whole step is taken where that has halved, else one t
 Newton iterations and residuals a step, drape of blend held over patches, 20 x 20: 4.2 and 7.1; secant 3.8 and 11.8, bt
 4.4 and 7.3, full steps 9.3 and 15. Poke of muslin: 4.4 and 6.0.
 """
+IMPULSES: dict[str, object] = {"snes_linesearch_type": "bt"}
+"""Where a term is impulsive, as contact is, and none has kinks.
+
+An elastic sheet on a sphere, 20 x 20, 0.2 s: 4.5 iterations a step as with secant, of 2.1 residuals each instead of
+3.8.
+"""
 
 
 class Newmark(Stepper):
@@ -71,6 +77,8 @@ class Newmark(Stepper):
         self.accuracy = accuracy
         search = DOWNHILL if all([term.symmetric for term in self.terms]) else KINKS
         kinks = search if any(term.has_kinks for term in self.terms) else {}
+        if not kinks and any(term.impulsive for term in self.terms):
+            kinks = IMPULSES
         self.solver = MovingSolver(motion, self.terms, bcs, rtol=rtol, options=OPTIONS | kinks | (options or {}))
         self.fault: Exception | None = None
         self.iterations = self.cuts = 0
