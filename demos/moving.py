@@ -38,13 +38,13 @@ def read(mesh, element, comm, **numbers):
     return meshing.read(mesh, comm, triangles=int(directors.ELEMENTS[element][0] == "triangle"), **numbers)
 
 
-def square(mesh, args, a, comm):
-    """The sheet of the drape and of the poke, 2 m x 2 m and cut at a (m), and its mass in kg/m2."""
+def square(mesh, args, a, comm, side=SIDE):
+    """The sheet of the drape and of the poke, a square cut at a (m), and its mass in kg/m2."""
     if args.cells % 2:
         raise InputError(f"--cells {args.cells} is odd; take an even number, so that the middle is a node.")
     fabric = fabrics.load(args.fabric)
     own_law, G = law(args, fabric)
-    domain = read(mesh, args.element, comm, side=SIDE, n=args.cells, a=a)
+    domain = read(mesh, args.element, comm, side=side, n=args.cells, a=a)
     bending = named.bending(args.bending, fabric)
     if bending:
         command.say(f"bending of its own, {bending.curves.describe()}".replace(chr(10), "; "))

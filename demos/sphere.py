@@ -33,6 +33,7 @@ def scene(args, comm=MPI.COMM_WORLD):
     low, high = (comm.allreduce(pick(axis=0), op) for pick, op in ((middle.min, MPI.MIN), (middle.max, MPI.MAX)))
     ball = bodies.Sphere(args.radius, (*((low + high) / 2)[:2], -args.radius - ABOVE), name="ball")
     touch = Contact(cloth, [ball], friction=args.friction, stiffness=args.stiffness)
+    command.say(f"contact: {touch.describe()}")
     weight = cloth.weight(areal_mass, ufl.as_vector((0.0, 0.0, -G)))
     run, _ = moving.runner(args, cloth, areal_mass, [], [weight, *touch.terms])
     probes = {
@@ -48,7 +49,7 @@ def arguments():
     moving.add_arguments(parser, end=0.3, rho=0.8)
     parser.add_argument("--radius", type=command.number, default=0.3, help="of the sphere, m")
     parser.add_argument("--friction", type=command.number, default=0.3, help="coefficient")
-    parser.add_argument("--stiffness", type=command.number, default=1e3, help="of contact, Pa")
+    parser.add_argument("--stiffness", type=command.number, help="of contact, Pa; by default enough for its fall")
     parser.add_argument("--out", type=Path, default=Path("out/sphere"))
     return command.parse(parser)
 

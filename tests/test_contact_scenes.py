@@ -273,3 +273,31 @@ def test_ranks_do_not_change_the_answer(tmp_path):
         motion, _ = one.cloth.newmark(one.areal_mass, one.bcs, one.acting, rtol=1e-10, set_load=one.set_load)
         rows.append([list(one.touch.row().values()) for _ in motion.march(0.04, 5e-3)])
     assert np.array(rows[1]) == pytest.approx(np.array(rows[0]), rel=1e-6, abs=1e-9)
+
+
+def test_a_body_with_mass_falls_freely_onto_a_held_sheet(tmp_path):
+    free = 'cells = 6\nmass_kg = 0.2\ninertia_kg_m2 = "solid"\nvelocity_m_per_s = [0, 0, -1]\n'
+    ball = BALL.replace("-0.155", "0.2").replace("cells = 6\n", free)
+    table = run(SHEET + RIM + ball + GRAVITY + "[dynamics]\nend_s = 0.06\n", tmp_path / "out")
+    touches = table.column("time_s")[np.flatnonzero(table.column("ball_z_N"))[0]]
+    # from 0.05 m above the sheet, whose middle falls with it
+    assert touches == pytest.approx(0.052, abs=4e-3)
+    assert table.column("ball_z_N").max() > 0.5
+
+
+@pytest.mark.parametrize(
+    ("more", "reason"),
+    [
+        ("mass_kg = 0", "mass_kg = 0 is not positive"),
+        ("velocity_m_per_s = [0, 0, 1]", "belongs to a body that moves freely; give its mass_kg too"),
+        ("mass_kg = 1\nshift_m = [0, 0, 1]", "shift_m = .* leads a body that its mass_kg lets move freely"),
+        ('mass_kg = 1\ninertia_kg_m2 = "hollow"', "inertia_kg_m2 = 'hollow' is not known"),
+        ("mass_kg = 1\ninertia_kg_m2 = [1, 1, 3]", "inertia = .*, which is no body's"),
+        ("mass_kg = 1\nspin_rad_per_s = [1, 0, 0]", "an inertia to what spins"),
+    ],
+)
+def test_what_cannot_move_freely_is_refused_in_a_sentence(tmp_path, more, reason):
+    with pytest.raises(InputError, match=reason):
+        scenes.build(scene(tmp_path, DROP.replace("cells = 6", more)))
+    with pytest.raises(InputError, match="mass_kg = 1 lets a body move freely, which takes time"):
+        scene(tmp_path, PUSH.replace("shift_m = [0, 0, 0.02]", "mass_kg = 1"))

@@ -133,3 +133,19 @@ def test_sphere(demo, tmp_path):
     table = files(tmp_path)
     assert status == 0 and ": yes;" in said
     assert table["ball_z_N"].min() < -1.0 and table["friction_J"][-1] > 0.0 and (table["crossed"] == 0).all()
+
+
+def test_ball_drop(demo, tmp_path):
+    words = ["--law", "svk", "--cells", "10", "--ball-cells", "3", "--step", "2", "--end", "0.06"]
+    status, said, _ = demo("ball_drop.py", *words, "--out", tmp_path)
+    table = files(tmp_path)
+    assert status == 0 and ": yes;" in said
+    assert table["ball_z_m"].min() < -0.03 and table["ball_z_N"].max() > 10.0
+
+
+@pytest.mark.slow
+def test_balls_of_other_masses_heights_and_on_other_fabrics(demo, tmp_path):
+    words = ["--study", "--cells", "10", "--ball-cells", "4", "--end", "0.1"]
+    status, said, _ = demo("ball_drop.py", *words, "--out", tmp_path)
+    assert status == 0 and said.count("good True") == 10
+    test_demos.look(tmp_path / "study.png")

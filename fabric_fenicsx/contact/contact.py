@@ -18,8 +18,9 @@ from .pressure import pressures
 from .skin import Skin
 from .surroundings import Surroundings
 
-STIFFNESS = 1e3
-"""Pa; see `Contact`."""
+DENSITY = 500.0
+"""kg/m3, of a fabric whose mass is not told."""
+G = 9.81
 
 
 class Contact:
@@ -29,8 +30,8 @@ class Contact:
         run, ledger = cloth.newmark(mass, bcs, [weight, *touch.terms])
 
     To be made on every rank, with the sheet where it starts. Raises InputError, on every rank, where it crosses
-    something there. Public: `terms`, for a solver; `bodies`, `offset`, `reach`; `free`, those of the bodies that
-    have mass; `rest`, places of the sheet's nodes at rest (n, 3), in the order of the ranks that own them.
+    something there. Public: `terms`, for a solver; `bodies`, `offset`, `reach`; `stiffness`; `free`, those of the
+    bodies that have mass; `rest`, places of the sheet's nodes at rest (n, 3), in the order of the ranks that own them.
 
     Args:
         friction: coefficient of sliding, or two, along warp and weft; static: of sticking, by default the same.
@@ -40,7 +41,9 @@ class Contact:
         reach: beyond the offset, m, from which on surfaces push; by default five times the thickness, and at most a
             tenth of the shortest edge.
         stiffness: pressure (Pa) at about half the reach. The force has no limit below that, so that it only decides how
-            near things get: areal mass times speed squared over reach suits an impact.
+            near things get. By default what stops the sheet, at the speed of a fall over its own size, within the
+            reach; with free bodies, at least ten times their energy, at that speed and their own, over the volume of
+            the box that holds them.
         slip: m/s, creep: m, see `friction`.
         gravity: acceleration of free bodies by their weight, m/s2.
     """
@@ -55,7 +58,7 @@ class Contact:
         itself: bool = True,
         offset: float | None = None,
         reach: float | None = None,
-        stiffness: float = STIFFNESS,
+        stiffness: float | None = None,
         slip: float = 1e-3,
         creep: float = 2e-5,
         gravity: Sequence[float] = (0.0, 0.0, 0.0),
@@ -74,6 +77,8 @@ class Contact:
         kinetic, most = np.broadcast_to(friction, 2).astype(float), np.broadcast_to(static, 2).astype(float)
         if not (np.isfinite(most).all() and (kinetic >= 0.0).all() and (kinetic <= most).all()):
             raise InputError(f"Friction {friction!r} and static friction {static!r} must be 0 <= friction <= static.")
+        self.assumed, stiffness = stiffness is None, stiffness or _stopping(sheet, skin.rest, bodies, self.reach)
+        self.stiffness = stiffness
         positive = {"offset": self.offset, "reach": self.reach, "stiffness": stiffness, "slip": slip, "creep": creep}
         for name, value in positive.items():
             if not (np.isfinite(value) and value > 0.0):
@@ -102,6 +107,12 @@ class Contact:
             coefficients = Coefficients(most, kinetic, Directions(sheet, skin) if differ else None)
             self._friction = [Friction(around, coefficients, slip, creep)]
         self.terms: list[Term] = [*self._friction, self._barrier, *([self.free] if self.free else [])]
+
+    def describe(self) -> str:
+        """Offset, reach and stiffness in words, and whether the last is assumed."""
+        told = f"surfaces stay {self.offset:.3g} m apart and push from {self.reach:.3g} m further on, with "
+        why = ", enough to stop what falls over the size of the sheet" if self.assumed else ""
+        return f"{told}{self.stiffness:.3g} Pa at half of that{why}"
 
     # -- what a user wants to know of the present state ------------------------------------------------------------
 
@@ -201,6 +212,17 @@ def _apart(names: Sequence[str]) -> list[str]:
     """The same names, each of its own: a second ball is ball_2."""
     count = [names[:k].count(name) for k, name in enumerate(names)]
     return [f"{name}_{n + 1}" if n else name for name, n in zip(names, count, strict=True)]
+
+
+def _stopping(sheet: Sheet, x: Array, bodies: Sequence[Body], reach: float) -> float:
+    """Stiffness by default, Pa; see `Contact`."""
+    fall = 2 * G * float(np.linalg.norm(np.ptp(x, axis=0)))
+    masses = [material.areal_mass or DENSITY * float(material.thickness) for material in sheet.materials.values()]
+    free = [body for body in bodies if body.mass is not None]
+    energies = [float(body.mass or 0.0) * (fall + np.dot(body.velocity, body.velocity)) / 2 for body in free]
+    sizes = [float(np.ptp(body.rest, axis=0).prod()) for body in free]
+    parts = [10 * energy / max(size, 1e-9) for energy, size in zip(energies, sizes, strict=True)]
+    return float(max([max(map(float, masses)) * fall / reach, *parts]))
 
 
 def _shortest_edge(x: Array, faces: np.ndarray) -> float:

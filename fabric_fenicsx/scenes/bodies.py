@@ -6,6 +6,7 @@ Nothing of `contact` is imported for a scene that has none of it.
 from __future__ import annotations
 
 import math
+import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -37,6 +38,10 @@ KINDS = {
 MOVE = {kind: "shift_m turn_deg about_m path" for kind in KINDS} | {"plane": "shift_m path", "frames": "path"}
 
 
+MASS = "mass_kg inertia_kg_m2 velocity_m_per_s spin_rad_per_s"
+FIXED = ("plane", "frames")
+"""Kinds that cannot have mass."""
+
 type Options = dict[str, float | bool | Vector]
 """Those of `contact.Contact` that the scene gives, in SI units."""
 
@@ -55,6 +60,8 @@ class Solid:
     turn: Vector
     about: Vector
     path: Course
+    motion: dict[str, Any]
+    """What `Body.free` takes, of a body with mass."""
 
 
 def solids(file: Table, folder: Path, dynamic: bool, end: float, trust: bool) -> tuple[Solid, ...]:
@@ -63,7 +70,7 @@ def solids(file: Table, folder: Path, dynamic: bool, end: float, trust: bool) ->
     for table in file.tables("body"):
         kind = table.one_of("kind", tuple(KINDS))
         needed, more = KINDS[kind]
-        table.expect(f"name kind {needed}", f"{more} {MOVE[kind]}")
+        table.expect(f"name kind {needed}", f"{more} {MOVE[kind]} {'' if kind in FIXED else MASS}")
         keys = [key for key in f"{needed} {more}".split() if key in table.entries]
         options = dict(_option(table, key, kind, folder) for key in keys)
         if kind == "surface":
@@ -71,10 +78,33 @@ def solids(file: Table, folder: Path, dynamic: bool, end: float, trust: bool) ->
         # frames have times of their own
         own = kind == "frames" and dynamic and "path" not in table.entries
         path = () if own else whole_course(table, dynamic, end)
-        found.append(Solid(table.text("name"), kind, options, *move(table), path))
+        free = _free(table, dynamic)
+        for key in MOVE[kind].split() if free else []:
+            if key in table.entries:
+                table.refuse(key, "leads a body that its mass_kg lets move freely", "leave one of the two out")
+        found.append(Solid(table.text("name"), kind, options, *move(table), () if free else path, free))
     if "body" in file.entries and not found:
         file.refuse("body", "is empty", "write each under [[body]]")
     return tuple(found)
+
+
+def _free(table: Table, dynamic: bool) -> dict[str, Any]:
+    """What a body with mass moves with, in SI units; nothing for one without."""
+    if "mass_kg" not in table.entries:
+        for key in MASS.split():
+            if key in table.entries:
+                table.refuse(key, "belongs to a body that moves freely", "give its mass_kg too")
+        return {}
+    if not dynamic:
+        table.refuse("mass_kg", "lets a body move freely, which takes time", "give [dynamics], or lead it")
+    motion: dict[str, Any] = {"mass": table.positive("mass_kg")}
+    if "inertia_kg_m2" in table.entries:
+        words = isinstance(table.entries["inertia_kg_m2"], str)
+        motion["inertia"] = table.choice("inertia_kg_m2", ("solid",)) if words else table.numbers("inertia_kg_m2", 3)
+    for key, name in (("velocity_m_per_s", "velocity"), ("spin_rad_per_s", "spin")):
+        if key in table.entries:
+            motion[name] = table.numbers(key, 3)
+    return motion
 
 
 def _option(table: Table, key: str, kind: str, folder: Path) -> tuple[str, Any]:
@@ -141,6 +171,8 @@ def led(solid: Solid) -> tuple[Body, Callable[[float], None]]:
         first, last = moved.times[[0, -1]]
         return moved, lambda part: moved.at(first + part * (last - first) if solid.path else part)
     body = bodies.KINDS[solid.kind](**solid.options, name=solid.name)
+    if solid.motion:
+        return body.free(**solid.motion), lambda part: None
     shift, turn = np.array(solid.shift), np.array(solid.turn)
     return body, lambda part: body.move(part * shift, part * turn, solid.about)
 
@@ -151,4 +183,7 @@ def touching(cloth: Sheet, bodies: list[Body], options: Options | None) -> Conta
         return None
     from ..contact.contact import Contact
 
-    return Contact(cloth, bodies, **options)  # type: ignore[arg-type]
+    touch = Contact(cloth, bodies, **options)  # type: ignore[arg-type]
+    if touch.assumed and cloth.domain.mesh.comm.rank == 0:
+        warnings.warn(f"contact.stiffness_Pa is assumed: {touch.describe()}.", stacklevel=3)
+    return touch

@@ -95,12 +95,19 @@ def build(scene: Scene, comm: MPI.Comm = MPI.COMM_WORLD) -> Built:
     solids = [led(solid) for solid in scene.bodies]
     moves += [(solid.path, move) for solid, (_, move) in zip(scene.bodies, solids, strict=True)]
 
+    weights = [load for load in scene.loads if load.kind == "gravity" and not load.at]
+    touch: Contact | None = None
+
     def set_load(t: float) -> None:
         for path, move in moves:
             move(share(path, t, smooth=scene.dynamic))
+        if touch is not None and touch.free is not None:
+            parts = [share(load.path, t, smooth=scene.dynamic) * np.array(load.value) for load in weights]
+            touch.free.gravity[:] = np.sum(parts, axis=0)
 
     set_load(0.0)
     touch = touching(cloth, [body for body, _ in solids], scene.contact)
+    set_load(0.0)
     return Built(scene, known, cloth, bcs, loads, set_load, touch)
 
 

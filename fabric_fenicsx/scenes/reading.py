@@ -55,6 +55,10 @@ Every key, with its default where it has one:
                                                 # frames, a body that deforms: frames, an .npz of arrays frames (frames,
                                                 # corners, 3), faces and times (s), or a folder of .obj or .ply with
                                                 # rate_per_s; scale; path: how much of its time, else the motion's
+    # mass_kg = 0.5                             # instead of a move, in [dynamics]: it moves freely, with this mass and
+    # inertia_kg_m2 = "solid"                   # under gravity on the whole sheet; three moments about its middle, or
+    # velocity_m_per_s = [0, 0, -2]             # of a filled body; without, it turns not; spin_rad_per_s. It touches
+                                                # the sheet alone, no other body
 
     [contact]                                   # may be left out where there is a body
     friction = 0.0                              # coefficient of sliding, or two: [0.3, 0.2], along warp and weft;
@@ -62,7 +66,8 @@ Every key, with its default where it has one:
     itself = true                               # whether the sheet touches itself; else it goes through itself
     offset_m = 0.5e-3                           # always stays between surfaces; the largest thickness if left out
     reach_m = 2.5e-3                            # beyond it surfaces push; five thicknesses, at most a tenth of an edge
-    stiffness_Pa = 1e3                          # pressure at about half the reach
+    stiffness_Pa = 1e3                          # pressure at about half the reach; what stops the sheet or a free body
+                                                # after a fall over the sheet's size, if left out
     slip_m_per_s = 1e-3                         # from which on all of the friction acts
     creep_m = 2e-5                              # the way in a step that stands for it in statics
 
