@@ -75,7 +75,7 @@ FLOORS = [
         "garments": [
             {"panels", "limb", "outlines"},
             {"sewing", "limbs", "dxf", "measures"},
-            {"dressing", "garmentcode"},
+            {"dressing", "garmentcode", "hips"},
             {"patterns"},
         ]
     },

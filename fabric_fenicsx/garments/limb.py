@@ -6,7 +6,7 @@ bones. All rays of a ring are in one plane, and all those planes meet in a line 
 that no two rings cross however far it bends. Flesh is not moved aside: what two parts share is there once.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -188,22 +188,7 @@ class Limb:
 
         Raises InputError for an angle that cannot be, or not one for each time.
         """
-        t = np.array(times, dtype=float)
-        told = {name: np.array(values, dtype=float) for name, values in degrees.items()}
-        if any(values.shape != t.shape for values in told.values()) or not told or t.ndim != 1 or len(t) < 2:
-            raise InputError(f"The motion of the {self.name} needs two times at least, and an angle for each of them.")
-        values = np.stack([*told.values()], axis=1)
-        if not (np.diff(t) > 0.0).all() or not np.isfinite(values).all():
-            raise InputError(f"The motion of the {self.name} needs times that increase, and angles that are finite.")
-        slopes = PchipInterpolator(t, values)(t, 1)  # it overshoots no angle
-        slopes[[0, -1]] = 0.0
-        most = 2 * np.abs(np.diff(values, axis=0)).max(axis=1)
-        parts = [np.linspace(a, b, max(int(np.ceil(way / TURN)), 1), endpoint=False)
-                 for a, b, way in zip(t[:-1], t[1:], most, strict=True)]  # fmt: skip
-        moments = np.concatenate([*parts, t[-1:]])
-        angles = CubicHermiteSpline(t, values, slopes)(moments)
-        frames = np.array([self.pose(**dict(zip(told, at.tolist(), strict=True))) for at in angles])
-        return Deforming(frames, self.faces, moments, name=self.name)
+        return motion(self.name, self.pose, self.faces, times, degrees)
 
     def _angles(self, degrees: Mapping[str, float]) -> dict[str, float]:
         """Of all joints, rad, with their signs."""
@@ -285,3 +270,29 @@ class Limb:
 
 def _direction(angle: float) -> Array:
     return np.array([-np.sin(angle), np.cos(angle)])
+
+
+def motion(
+    name: str,
+    pose: Callable[..., Array],
+    faces: np.ndarray,
+    times: Sequence[float] | Array,
+    degrees: Mapping[str, Sequence[float] | Array],
+) -> Deforming:
+    """A body that goes through these angles at these times, see `Limb.motion`."""
+    t = np.array(times, dtype=float)
+    told = {joint: np.array(values, dtype=float) for joint, values in degrees.items()}
+    if any(values.shape != t.shape for values in told.values()) or not told or t.ndim != 1 or len(t) < 2:
+        raise InputError(f"The motion of the {name} needs two times at least, and an angle for each of them.")
+    values = np.stack([*told.values()], axis=1)
+    if not (np.diff(t) > 0.0).all() or not np.isfinite(values).all():
+        raise InputError(f"The motion of the {name} needs times that increase, and angles that are finite.")
+    slopes = PchipInterpolator(t, values)(t, 1)  # it overshoots no angle
+    slopes[[0, -1]] = 0.0
+    most = 2 * np.abs(np.diff(values, axis=0)).max(axis=1)
+    parts = [np.linspace(a, b, max(int(np.ceil(way / TURN)), 1), endpoint=False)
+             for a, b, way in zip(t[:-1], t[1:], most, strict=True)]  # fmt: skip
+    moments = np.concatenate([*parts, t[-1:]])
+    angles = CubicHermiteSpline(t, values, slopes)(moments)
+    frames = np.array([pose(**dict(zip(told, at.tolist(), strict=True))) for at in angles])
+    return Deforming(frames, faces, moments, name=name)

@@ -18,6 +18,8 @@ _ANSUR: dict[str, dict[str, float]] = {
         "thighcircumference": 624.0, "lowerthighcircumference": 408.0, "calfcircumference": 392.0,
         "anklecircumference": 228.0, "trochanterionheight": 899.0, "lateralfemoralepicondyleheight": 491.0,
         "lateralmalleolusheight": 73.0, "footlength": 271.0, "balloffootcircumference": 252.0,
+        "waistbreadth": 325.0, "waistdepth": 234.0, "waistheightomphalion": 1055.0, "hipbreadth": 344.0,
+        "buttockdepth": 246.0,
     },
     "woman": {
         "acromionradialelength": 311.0, "radialestylionlength": 240.5, "handlength": 180.0, "handcircumference": 187.0,
@@ -25,6 +27,8 @@ _ANSUR: dict[str, dict[str, float]] = {
         "thighcircumference": 613.0, "lowerthighcircumference": 398.0, "calfcircumference": 372.0,
         "anklecircumference": 215.0, "trochanterionheight": 844.0, "lateralfemoralepicondyleheight": 465.0,
         "lateralmalleolusheight": 63.0, "footlength": 246.0, "balloffootcircumference": 227.0,
+        "waistbreadth": 298.0, "waistdepth": 209.0, "waistheightomphalion": 977.5, "hipbreadth": 353.0,
+        "buttockdepth": 231.0,
     },
 }  # fmt: skip
 """Medians, mm, by the names of the survey's public data."""
@@ -36,7 +40,7 @@ def arm(of: Literal["man", "woman"] = "man", **options: object) -> Limb:
     The survey has no girth of the elbow: it is taken for 0.88 of the forearm's; and the shoulder for as thick as the
     biceps. The hand is a stub.
     """
-    size = _sizes(of)
+    size = sizes(of)
     upper, fore, hand = (size[f"{name}length"] for name in ("acromionradiale", "radialestylion", "hand"))
     biceps, forearm, wrist, palm = (
         size[f"{name}circumference"] / (2 * np.pi) for name in ("biceps", "forearm", "wrist", "hand")
@@ -52,7 +56,7 @@ def leg(of: Literal["man", "woman"] = "man", **options: object) -> Limb:
 
     The survey's lower thigh is just above the knee, whose girth is taken for 0.93 of it. The foot is a stub.
     """
-    size = _sizes(of)
+    size = sizes(of)
     hip, knee, ankle = (
         size[f"{name}height"] for name in ("trochanterion", "lateralfemoralepicondyle", "lateralmalleolus")
     )
@@ -67,7 +71,7 @@ def leg(of: Literal["man", "woman"] = "man", **options: object) -> Limb:
     return replace(limb, **options)  # type: ignore[arg-type]
 
 
-def _sizes(of: str) -> dict[str, float]:
+def sizes(of: str) -> dict[str, float]:
     """Medians in m, by shorter names."""
     if of not in _ANSUR:
         raise InputError(f"There is no {of!r} here; choose one of {', '.join(_ANSUR)}.")
