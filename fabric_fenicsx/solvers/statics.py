@@ -23,13 +23,7 @@ from .reactions import Reactions
 from .tangent import Tangent
 from .unknowns import Unknowns
 
-# a correction moves nothing along null pivots, which are found, with 13 also on several ranks
-OPTIONS: linear.Options = {
-    "snes_linesearch_type": "basic",
-    "snes_max_it": 25,
-    "mat_mumps_icntl_24": 1,
-    "mat_mumps_icntl_13": 1,
-}
+OPTIONS: linear.Options = {"snes_linesearch_type": "basic", "snes_max_it": 25} | linear.NULL_PIVOTS
 """PETSc options of `StaticSolver` that a user may override; those of linear systems: see `linear.configure`."""
 
 
