@@ -18,6 +18,7 @@ WHOLE = {
     "capstan": "capstan.py",
     "catenary": "capstan.py --catenary",
     "stack": "stack.py",
+    "cusick": "cusick.py --contact --cell 20 --step 25 --around 6 --end 0.8",
 }
 
 

@@ -41,7 +41,9 @@ def add(plotter: Any, x: Array, faces: np.ndarray) -> None:
     actor.mapper.SetRelativeCoincidentTopologyPolygonOffsetParameters(4.0, 400.0)
     edges = body.extract_feature_edges(feature_angle=40, manifold_edges=False, non_manifold_edges=False)
     if edges.n_points:
-        plotter.add_mesh(edges, color="#80848c", line_width=1)
+        lines = plotter.add_mesh(edges, color="#80848c", line_width=1)
+        lines.mapper.SetResolveCoincidentTopologyToPolygonOffset()
+        lines.mapper.SetRelativeCoincidentTopologyLineOffsetParameters(3.0, 300.0)
 
 
 def as_touched(grid: Any) -> Any:
