@@ -51,7 +51,7 @@ def test_forces_are_the_gradient_of_the_potential(kinematics):
         for part in (-2e-4, 2e-4, -1e-4, 1e-4):
             energies.append(solver._at(x + part * way)[1])
         coarse, fine = (energies[1] - energies[0]) / 4e-4, (energies[3] - energies[2]) / 2e-4
-        assert (4 * fine - coarse) / 3 == pytest.approx(slope, rel=1e-6)
+        assert (4 * fine - coarse) / 3 == pytest.approx(slope, rel=1e-9)
 
 
 @pytest.mark.parallel
