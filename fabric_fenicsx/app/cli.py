@@ -39,6 +39,11 @@ def fabric_names(context: click.Context, parameter: click.Parameter, incomplete:
     return [name for name in fabrics.names() if name.startswith(incomplete)]
 
 
+per_width = click.option(
+    "--per-width", is_flag=False, flag_value="N/m", type=click.Choice(["N/m", "N/cm", "N/5cm"]),
+    help="Forces per width beside stress over the thickness, N/m if no unit is named.")  # fmt: skip
+
+
 @app.group("fabrics")
 def fabrics_group() -> None:
     """The measured fabrics: list, show, plot, export."""
@@ -61,9 +66,11 @@ def fabrics_list() -> None:
 
 @fabrics_group.command("show")
 @click.argument("name", shell_complete=fabric_names)
-def fabrics_show(name: str) -> None:
+@per_width
+def fabrics_show(name: str, per_width: str | None) -> None:
     """All numbers of a fabric, by NAME or TOML file, with their sources."""
     from .. import fabrics
+    from ..fabrics.per_width import describe
 
     f = fabrics.load(name)
     click.echo(f"{f.name} ({f.label}): {f.material}, {f.weave} weave")
@@ -73,6 +80,8 @@ def fabrics_show(name: str) -> None:
                  for k, c in enumerate(curve.modulus) if c or not k]  # fmt: skip
         click.echo(f"  {way:6s}modulus {' + '.join(terms).replace('+ -', '- ')} MPa up to {E} = {curve.limit:.4g}; "
                    f"unloading {curve.unloading / 1e6:.4g} MPa")  # fmt: skip
+    for line in describe(f, per_width) if per_width else []:
+        click.echo(f"  {line}")
     if f.shear_friction:
         click.echo(f"  shear, {f.shear_friction.describe()}")
     for key, (nu12, nu21) in f.poisson.items():
@@ -86,7 +95,8 @@ def fabrics_show(name: str) -> None:
 @fabrics_group.command("plot")
 @click.argument("names", nargs=-1, shell_complete=fabric_names)
 @click.option("--out", type=file, help="Picture: png, pdf or svg.  [default: out/fabrics.png]")
-def fabrics_plot(names: tuple[str, ...], out: Path | None) -> None:
+@per_width
+def fabrics_plot(names: tuple[str, ...], out: Path | None, per_width: str | None) -> None:
     """Stress against strain of NAMES (all, if left out): a panel for warp, weft and shear."""
     from mpi4py import MPI
 
@@ -98,9 +108,9 @@ def fabrics_plot(names: tuple[str, ...], out: Path | None) -> None:
         out = results.folder("out", MPI.COMM_SELF) / "fabrics.png"
     with drawn_to(out):
         if len(chosen) == 1:
-            chosen[0].plot(out)
+            chosen[0].plot(out, per_width=per_width)
         else:
-            fabrics.compare(chosen, out)
+            fabrics.compare(chosen, out, per_width=per_width)
     click.echo(f"see {out}")
 
 
@@ -126,10 +136,12 @@ def fabrics_export(name: str, format: str, edge: float) -> None:
               "by simulation (inverse) or of yarns that keep their length (net).")  # fmt: skip
 @click.option("--ends", type=click.Choice(["clamped", "free"]), default="clamped", show_default=True,
               help="Of the simulated strip (--shear inverse).")  # fmt: skip
+@per_width
 @click.option("--out", type=folder, default=Path("out/identify"), show_default=True)
-def identify(tests: Path, shear: str, ends: str, out: Path) -> None:
+def identify(tests: Path, shear: str, ends: str, out: Path, per_width: str | None) -> None:
     """From test records to a fabric: a one-page report and fabric.toml. TESTS is a TOML file that lists the records.
 
+    Strips off the yarns and biaxial records go into one fit with all other tests; tests.pdf shows them beside the law.
     See --keys for all that it may hold, and demos/records for one of published tests.
     """
     from mpi4py import MPI
@@ -140,7 +152,7 @@ def identify(tests: Path, shear: str, ends: str, out: Path) -> None:
     if MPI.COMM_WORLD.rank > 0:  # nothing here is large enough to share
         return
     out = results.folder(out, MPI.COMM_SELF)
-    path, _ = making.make(tests, out, shear, STRIP, ends, click.echo)
+    path, _ = making.make(tests, out, shear, STRIP, ends, click.echo, per_width=per_width)
     click.echo(f"see {out / 'report.pdf'}; use it with --fabric {path}")
 
 

@@ -90,14 +90,16 @@ class Fabric:
         """Bending as measured, else assumed for this mass, which its text says; see `estimated_bending`."""
         return self.bending or estimated_bending(self.areal_mass)
 
-    def plot(self, path: str | PathLike[str] | None = None) -> Figure:
+    def plot(self, path: str | PathLike[str] | None = None, *, per_width: str | None = None) -> Figure:
         """Draw loading, its continuation by the tangent, and unloading, for warp, weft, shear; save if asked.
 
+        per_width: a unit of `per_width.UNITS` for a second axis.
         Raises OSError where the path cannot be written, ValueError where its ending is no picture format.
         """
         from .. import plots
+        from . import per_width as width
 
-        figure, panels = plots.panels(3, width=3.5, height=3.8)
+        figure, panels = plots.panels(3, width=3.5 + 0.6 * bool(per_width), height=3.8)
         for axes, (way, (strain, stress)) in zip(panels, plots.SYMBOLS.items(), strict=True):
             curve, look = getattr(self, way), {"color": plots.style(self.name)["color"]}
             measured = np.linspace(0.0, curve.limit, 200)
@@ -110,6 +112,8 @@ class Fabric:
             axes.plot(curve.limit, peak / 1e6, "o", markersize=4, label="calibrated limit", **look)
             plots.label(axes, way, f"strain ${strain}$ (-)", f"stress ${stress}$ (MPa)", xlim=(0, None), ylim=(0, None))
             axes.locator_params(nbins=6)
+            if per_width:
+                width.beside(axes, self.thickness, per_width)
         plots.legend(figure, 4)
         figure.suptitle(f"{self.name} ({self.label}): {self.material.lower()}, {self.weave.lower()} weave", size=11)
         if path is not None:
@@ -117,16 +121,22 @@ class Fabric:
         return figure
 
 
-def compare(fabrics: Sequence[Fabric], path: str | PathLike[str]) -> None:
-    """Draw stress of first loading against strain of several fabrics: a panel each for warp, weft and shear."""
+def compare(fabrics: Sequence[Fabric], path: str | PathLike[str], *, per_width: str | None = None) -> None:
+    """Draw stress of first loading against strain of several fabrics: a panel each for warp, weft and shear.
+
+    per_width: a unit of `per_width.UNITS` in place of MPa, which says more where thicknesses differ.
+    """
     from .. import plots
+    from .per_width import factor
 
     figure, panels = plots.panels(3, width=3.5, height=4.0)
     for axes, (way, (strain, stress)) in zip(panels, plots.SYMBOLS.items(), strict=True):
         for fabric in fabrics:
             curve = getattr(fabric, way)
             E = np.linspace(0.0, curve.limit, 101)
-            axes.plot(E, curve.stress(E) / 1e6, label=fabric.name, markevery=20, ms=4, **plots.style(fabric.name))
-        plots.label(axes, way, f"strain ${strain}$ (-)", f"stress ${stress}$ (MPa)", xlim=(0, None), ylim=(0, None))
+            scale = factor(per_width, fabric.thickness) if per_width else 1e-6
+            axes.plot(E, scale * curve.stress(E), label=fabric.name, markevery=20, ms=4, **plots.style(fabric.name))
+        label = f"stress ${stress}$ ({per_width or 'MPa'})"
+        plots.label(axes, way, f"strain ${strain}$ (-)", label, xlim=(0, None), ylim=(0, None))
     plots.legend(figure, 4)
     figure.savefig(path, dpi=150)

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..fabrics.per_width import beside
 from .identified import Compared, Identified
 
 if TYPE_CHECKING:
@@ -15,8 +16,8 @@ COLUMNS = 3
 SHOWN = 300  # readings of one specimen
 
 
-def draw(found: Identified) -> "Figure":
-    """A panel for each test: readings, one colour a specimen, and the law."""
+def draw(found: Identified, *, per_width: str | None = None) -> "Figure":
+    """A panel for each test: readings, one colour a specimen, and the law; per_width as in `report.draw`."""
     from matplotlib.figure import Figure
 
     rows = -(-len(found.compared) // COLUMNS)
@@ -24,14 +25,16 @@ def draw(found: Identified) -> "Figure":
     figure.suptitle(f"{found.tests.texts['name']}: tests beside the law", size=11, parse_math=False)
     for axes, one in zip(figure.subplots(rows, COLUMNS, squeeze=False).ravel(), found.compared, strict=False):
         _panel(axes, one)
+        if per_width:
+            beside(axes, found.tests.strip.thickness, per_width, 6)
     for axes in figure.axes[len(found.compared) :]:
         axes.axis("off")
     return figure
 
 
-def write(found: Identified, path: str | PathLike[str]) -> None:
+def write(found: Identified, path: str | PathLike[str], *, per_width: str | None = None) -> None:
     """Save the page; the ending says the format (pdf, png, svg)."""
-    draw(found).savefig(path, dpi=130)
+    draw(found, per_width=per_width).savefig(path, dpi=130)
 
 
 def _panel(axes: "Axes", one: Compared) -> None:

@@ -5,15 +5,23 @@ from pathlib import Path
 
 from .. import fabrics
 from ..errors import InputError
+from ..fabrics.per_width import describe
 from . import bending
 from .identified import WAYS, Identified
 
 
-def write(found: Identified, folder: str | Path) -> tuple[Path, fabrics.Fabric]:
-    """Write `fabric.toml` and read it again as a user would: its path, and the fabric."""
+def write(found: Identified, folder: str | Path, *, per_width: str | None = None) -> tuple[Path, fabrics.Fabric]:
+    """Write `fabric.toml` and read it again as a user would: its path, and the fabric.
+
+    per_width: a unit of `fabrics.per_width` in which remarks at the end repeat the moduli and stresses.
+    """
     path = Path(folder) / "fabric.toml"
     path.write_text(toml(found), encoding="utf-8")
-    return path, fabrics.load(path)
+    fabric = fabrics.load(path)
+    if per_width:
+        with path.open("a", encoding="utf-8") as file:
+            file.writelines(f"# {line}\n" for line in describe(fabric, per_width))
+    return path, fabric
 
 
 def toml(found: Identified) -> str:

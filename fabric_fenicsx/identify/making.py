@@ -21,13 +21,15 @@ def make(
     mesh: Path | None = None,
     ends: str = "clamped",
     say: Callable[[str], object] = print,
+    *,
+    per_width: str | None = None,
 ) -> tuple[Path, Fabric]:
     """Identify the fabric of a list of tests; the path of its file, and the fabric.
 
     Writes report.pdf, report.png and fabric.toml into `out`, and tests.pdf and tests.png where strips off the yarns or
     biaxial records are in the list, which goes into one fit then. shear: of `SHEAR`; mesh and ends: of the simulated
-    strip, see `inverse.shear`. Raises InputError, after the report, where no whole fabric comes of the tests, and after
-    the fabric, where the records do not fit it.
+    strip, see `inverse.shear`; per_width: a unit of `fabrics.per_width` beside Pa in all of them. Raises InputError,
+    after the report, where no whole fabric comes of the tests, and after the fabric, where the records do not fit it.
     """
     found = identify(replace(read(tests), ends=ends))
     if shear != "photographs":
@@ -46,12 +48,12 @@ def make(
         say("  one fit of all tests ...")
         found = joint.fit(found, simulated.strips(mesh) if mesh else None)
     for ending in ("pdf", "png"):
-        report.write(found, out / f"report.{ending}")
+        report.write(found, out / f"report.{ending}", per_width=per_width)
         if found.compared:
-            comparison.write(found, out / f"tests.{ending}")
+            comparison.write(found, out / f"tests.{ending}", per_width=per_width)
     for word in (*found.notes, *found.fits, "not determined:", *(found.undetermined or ["nothing"])):
         say(f"  {word}")
-    path, fabric = fabric_file.write(found, out)
+    path, fabric = fabric_file.write(found, out, per_width=per_width)
     if found.doubts:
         raise InputError(
             f"{found.tests.file}: the fabric is not to be trusted: {'; '.join(found.doubts)}; {path} is written, but "

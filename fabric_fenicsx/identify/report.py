@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ..fabrics.per_width import beside, factor
 from ..laws import Array
 from . import bending_panels
 from .identified import WAYS, Curve, Identified
@@ -20,12 +21,13 @@ SOURCE = 115  # characters of a line on where the records come from
 SYMBOLS = {"warp": ("E_{11}", "S_{11}"), "weft": ("E_{22}", "S_{22}"), "shear": ("E_{12}", "S_{12}")}
 
 
-def draw(found: Identified) -> "Figure":
-    """The page, A4."""
+def draw(found: Identified, *, per_width: str | None = None) -> "Figure":
+    """The page, A4; per_width: a unit of `fabrics.per_width` for second axes and lines of the table."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(8.27, 11.69))
-    grid = figure.add_gridspec(4, 3, height_ratios=[1.0, 0.32, 0.85, 1.5], hspace=0.36, wspace=0.36,
+    apart = 0.8 if per_width else 0.36
+    grid = figure.add_gridspec(4, 3, height_ratios=[1.0, 0.32, 0.85, 1.5], hspace=0.36, wspace=apart,
                                left=0.085, right=0.975, top=0.91, bottom=0.02)  # fmt: skip
     texts, strip = found.tests.texts, found.tests.strip
     title = f"{texts['name']} ({texts['label']}): {texts['material']}, {texts['weave']}"
@@ -34,7 +36,10 @@ def draw(found: Identified) -> "Figure":
     said = "\n".join(textwrap.wrap(f"strip {size} mm; records: {found.tests.source}", SOURCE, max_lines=2))
     figure.text(0.05, 0.957, said, size=8, va="top", parse_math=False)
     for i, way in enumerate(WAYS):
-        _curve(figure.add_subplot(grid[0, i]), found, way)
+        axes = figure.add_subplot(grid[0, i])
+        _curve(axes, found, way)
+        if per_width and way in found.curves:
+            beside(axes, strip.thickness, per_width, 6)
         _misfit(figure.add_subplot(grid[1, i]), found, way)
     panels = bending_panels.of(found.bending) if found.bending else []
     row = grid[2, :].subgridspec(1, 3 + len(panels), wspace=0.36 + 0.2 * len(panels))
@@ -47,13 +52,15 @@ def draw(found: Identified) -> "Figure":
         panel(axes)
     axes = figure.add_subplot(grid[3, :])
     axes.axis("off")
-    axes.text(-0.05, 0.97, _table(found), family="monospace", size=7, va="top", linespacing=1.35, parse_math=False)
+    axes.text(
+        -0.05, 0.97, _table(found, per_width), family="monospace", size=7, va="top", linespacing=1.35, parse_math=False
+    )
     return figure
 
 
-def write(found: Identified, path: str | PathLike[str]) -> None:
+def write(found: Identified, path: str | PathLike[str], *, per_width: str | None = None) -> None:
     """Save the page; the ending says the format (pdf, png, svg)."""
-    draw(found).savefig(path, dpi=130)
+    draw(found, per_width=per_width).savefig(path, dpi=130)
 
 
 def _frame(axes: "Axes", title: str, x: str, y: str, known: bool, word: str = "not determined") -> bool:
@@ -136,7 +143,7 @@ def _bias(axes: "Axes", found: Identified) -> None:
             axes.legend(fontsize=7)
 
 
-def _table(found: Identified) -> str:
+def _table(found: Identified, per_width: str | None) -> str:
     """Parameters with standard errors, errors of the fits, what is not determined, remarks."""
     lines = [
         "dots: readings, one colour a specimen, unloading grey; line: fit; dashed: unloading (dotted: not measured);",
@@ -160,6 +167,11 @@ def _table(found: Identified) -> str:
             f"      unloading {slope}; {how}; fit error (rms) {100 * fit.residual:.2g} % of the peak stress; "
             f"standard error of the curve {100 * fit.spread:.2g} %",
         ]
+        if per_width:
+            scale = factor(per_width, found.tests.strip.thickness)
+            per = ", ".join(f"{c * scale:.4g}" for c in fit.modulus)
+            top = float(fit.stress(np.array(fit.limit))) * scale
+            lines.append(f"      per width, {per_width}: coefficients {per}; {top:.4g} at the end of the curve")
     for key, several in found.contractions.items():
         number, patches = found.poisson[key], np.mean([one.patches for one in several])
         lines.append(f"{key}  {number}, n = {number.specimens}; from patch to patch of a strip ± {patches:.2g}")
