@@ -72,7 +72,7 @@ def turned(kind):
         raw, x = tube(kind)
         return raw, TURN.apply(x.reshape(-1, 3)).reshape(x.shape) + 0.5
 
-    return meshing.sewn(make, COMM)
+    return meshing.sewn(lambda: (*make(), None), COMM)
 
 
 UP, PANEL, LYING = (0.0, 0.0, 1.0), (0.0, 1.0, 0.0), tuple(TURN.apply((0.0, 0.0, 1.0)))

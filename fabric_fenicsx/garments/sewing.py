@@ -32,17 +32,27 @@ type End = tuple[str, str]
 class Seam:
     """Edges that are sewn together, each a panel and one of its edges: `Seam(("front", "side"), ("back", "side"))`.
 
-    The second edge runs against the first. name: of the group of its edges, if it is to have one.
+    The second edge runs against the first, and so does a third one, of a panel that is sewn onto the others' seam.
+
+    Args:
+        name: of the group of its edges, if it is to have one.
+        lean: by which angle (rad) the director of the seam leans out over each edge from the panel's face, at rest. By
+            default it does not: the cloth goes on flat. Half the angle of a fold, away from the faces, for both. The
+            sheets are tied to each other: their directors there are one, and turn together.
     """
 
     edges: tuple[End, ...]
     name: str
+    lean: tuple[float, ...]
 
-    def __init__(self, *edges: End, name: str = "") -> None:
+    def __init__(self, *edges: End, name: str = "", lean: Sequence[float] = ()) -> None:
         object.__setattr__(self, "edges", tuple((str(panel), str(edge)) for panel, edge in edges))
         object.__setattr__(self, "name", name)
-        if len(self.edges) != 2 or len(set(self.edges)) < 2:
+        object.__setattr__(self, "lean", tuple(map(float, lean)) or (0.0,) * len(edges))
+        if len(self.edges) < 2 or len(set(self.edges)) < len(self.edges):
             raise InputError(f"A seam joins two edges, and not {', '.join('.'.join(e) for e in self.edges) or 'none'}.")
+        if len(self.lean) != len(self.edges) or not (np.abs(self.lean) < np.pi / 2 - 0.01).all():
+            raise InputError(f"A seam of {len(self.edges)} edges leans by as many angles below 90 degrees, in rad.")
 
 
 @dataclass(frozen=True)
@@ -105,7 +115,7 @@ def sew(
         if sewn.count(edge) > 1:
             raise InputError(f"The edge {'.'.join(edge)!r} is in two seams: split it where one ends.")
 
-    def make() -> tuple[Raw, Array]:
+    def make() -> tuple[Raw, Array, Array | None]:
         return _made(panels, seams, _counts(panels, seams, cell), kind)
 
     return Garment(meshing.sewn(make, comm, ghosts=ghosts), tuple(panels), tuple(seams))
@@ -136,8 +146,8 @@ def _together(count: int, pairs: Sequence[tuple[int, int]]) -> np.ndarray:
 
 def _made(
     panels: Sequence[Panel], seams: Sequence[Seam], parts: dict[End, int], kind: outlines.Kind
-) -> tuple[Raw, Array]:
-    """The surface where it starts, and where the nodes of its cells are at rest."""
+) -> tuple[Raw, Array, Array | None]:
+    """The surface where it starts, and where the nodes of its cells and their directors are at rest."""
     edges: dict[End, np.ndarray] = {}
     flat, start, cells, owner, first = [], [], [], [], 0
     for panel in panels:
@@ -152,8 +162,8 @@ def _made(
         owner.append(np.full(len(own), len(flat) - 1))
         edges |= {(panel.name, name): nodes + first for name, nodes in zip(panel.outline, on, strict=True)}
         first += len(points)
-    pairs = [(int(i), int(j)) for seam in seams for i, j in
-             zip(edges[seam.edges[0]], edges[seam.edges[1]][::-1], strict=True)]  # fmt: skip
+    pairs = [(int(i), int(j)) for seam in seams for other in seam.edges[1:] for i, j in
+             zip(edges[seam.edges[0]], edges[other][::-1], strict=True)]  # fmt: skip
     weld, table, panel_of = _together(first, pairs), np.concatenate(cells), np.concatenate(owner)
     rest = np.pad(np.concatenate(flat)[table], ((0, 0), (0, 0), (0, 1)))
     # nodes that are one start in the middle of where they were placed
@@ -169,4 +179,22 @@ def _made(
         if seam.name:
             nodes = edges[seam.edges[0]]
             raw.add(seam.name, 1, weld[np.stack([nodes[:-1], nodes[1:]], axis=1)])
-    return raw, rest
+    several = [edges[seam.edges[0]] for seam in seams if len(seam.edges) > 2]
+    raw.joints = np.concatenate([raw.joints, *(weld[np.stack([n[:-1], n[1:]], axis=1)] for n in several)])
+    return raw, rest, _directors(np.concatenate(flat), table, edges, seams)
+
+
+def _directors(flat: Array, table: np.ndarray, edges: dict[End, np.ndarray], seams: Sequence[Seam]) -> Array | None:
+    """Along which directors are at rest at the corners of cells, (cells, corners, 3); None where none leans."""
+    if not any(any(seam.lean) for seam in seams):
+        return None
+    normals = np.zeros((len(flat), 3))
+    normals[:, 2] = 1.0
+    for seam in seams:
+        for edge, angle in zip(seam.edges, seam.lean, strict=True):
+            nodes = edges[edge]
+            along = np.gradient(flat[nodes], axis=0)
+            along /= np.linalg.norm(along, axis=1, keepdims=True)
+            out = np.column_stack([along[:, 1], -along[:, 0], np.zeros(len(nodes))])  # the panel is on the left
+            normals[nodes] = np.cos(angle) * np.array([0.0, 0.0, 1.0]) + np.sin(angle) * out
+    return normals[table]

@@ -142,9 +142,9 @@ class ShellSpace:
     def curvature(self) -> Expr | None:
         """Size of the curvature at rest, 1/m, where the element's transverse shear asks for it: on curved triangles."""
         gradient = ufl.grad(self.normal)
-        size = (
-            fem.assemble_scalar(fem.form(ufl.inner(gradient, gradient) * self.dx)) if self.element == "regge" else 0.0
-        )
+        # a garment is of flat panels, also where directors lean
+        bent = self.element == "regge" and self.normal.function_space is self.start.function_space
+        size = fem.assemble_scalar(fem.form(ufl.inner(gradient, gradient) * self.dx)) if bent else 0.0
         flat = self.mesh.comm.allreduce(float(size)) < 1e-16
         return None if flat else ufl.sqrt(ufl.inner(gradient, gradient))
 

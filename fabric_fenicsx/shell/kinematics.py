@@ -12,6 +12,7 @@ not change when the sheet turns as a whole, however far. They are packed as (E11
 strain is work.
 """
 
+import basix.ufl
 import numpy as np
 import ufl
 from mpi4py import MPI
@@ -100,19 +101,41 @@ def area_vector(u: Expr, domain: mesh.Mesh) -> Expr:
 
 def reference(space: fem.FunctionSpace) -> tuple[fem.Function, fem.Function]:
     """Directors at rest and where they start, of a space of them: the same Function, but see `placing`."""
-    normal = fem.Function(space, name="normal")
-    normal.x.array[:] = normals(space).ravel()
+    if placing.leaning(space.mesh) is None:
+        normal = fem.Function(space, name="normal")
+        normal.x.array[:] = normals(space).ravel()
+    else:
+        normal = _leaning(space)
     if placing.of(space.mesh) is None:
         return normal, normal
     start = fem.Function(space, name="start")
-    start.x.array[:] = normals(space, at_start=True).ravel()
+    start.x.array[:] = normals(space, normal).ravel()
     return normal, start
 
 
-def normals(space: fem.FunctionSpace, at_start: bool = False) -> Array:
+def _leaning(space: fem.FunctionSpace) -> fem.Function:
+    """Directors at rest that each cell has of its own, see `placing.leaning`."""
+    domain, triangles = space.mesh, space.mesh.basix_cell().name == "triangle"
+    family, lean = ("CR" if triangles else "Lagrange"), placing.leaning(domain)
+    assert lean is not None
+    own = basix.ufl.element(family, domain.basix_cell(), 1, shape=(3,), discontinuous=True)
+    normal = fem.Function(fem.functionspace(domain, own), name="normal")
+    if triangles:  # at the middles of edges; one that only ends at a fold does not lean
+        a, b = lean[:, [1, 0, 0]], lean[:, [2, 2, 1]]
+        flat = fem.Expression(ufl.CellNormal(domain), np.array([[1 / 3, 1 / 3]]))
+        n = flat.eval(domain, np.arange(len(lean), dtype=np.int32)).reshape(-1, 1, 3)
+        both = ((a * n).sum(axis=2) < 1 - 1e-9) & ((b * n).sum(axis=2) < 1 - 1e-9)
+        lean = np.where(both[..., None], a + b, n)
+        lean = lean / np.linalg.norm(lean, axis=2, keepdims=True)
+    normal.x.array.reshape(-1, 3)[normal.function_space.dofmap.list] = lean
+    return normal
+
+
+def normals(space: fem.FunctionSpace, at_rest: fem.Function | None = None) -> Array:
     """Unit normals at the nodes (nodes, 3) of a space of vectors at rest, the mean over the cells that share one.
 
-    at_start: of where the sheet starts, if that is elsewhere.
+    at_rest: directors at rest, for those where the sheet starts, which are turned as the cells are from one to the
+    other.
 
     Raises InputError, on every rank, for neighbouring cells of opposite orientation.
     """
@@ -120,10 +143,14 @@ def normals(space: fem.FunctionSpace, at_start: bool = False) -> Array:
     rule = {"quadrature_rule": "custom", "quadrature_points": points, "quadrature_weights": np.ones(len(points))}
     # at its own node a basis function is 1, and at the others 0
     n = ufl.CellNormal(domain)
-    if at_start and (start := placing.of(domain)) is not None:
+    if at_rest is not None and (start := placing.of(domain)) is not None:
         J = ufl.Jacobian(domain)
-        n = ufl.cross(*(ufl.dot(ufl.grad(start), J[:, i]) for i in (0, 1)))
-        n /= ufl.sqrt(ufl.dot(n, n))
+        moved = ufl.cross(*(ufl.dot(ufl.grad(start), J[:, i]) for i in (0, 1)))
+        moved /= ufl.sqrt(ufl.dot(moved, moved))
+        if placing.leaning(domain) is not None:
+            moved = ufl.dot(ufl.grad(start), at_rest) + ufl.dot(at_rest, n) * moved
+            moved /= ufl.sqrt(ufl.dot(moved, moved))
+        n = moved
     n = ufl.inner(n, ufl.TestFunction(space)) / ufl.JacobianDeterminant(domain)
     sums = fem.assemble_vector(fem.form(n * ufl.dx(metadata=rule | {"quadrature_degree": 1})))
     sums.scatter_reverse(la.InsertMode.add)

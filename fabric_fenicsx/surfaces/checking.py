@@ -57,9 +57,10 @@ def pieces(sides: Array, count: Array) -> int:
     return int(connected_components(graph, directed=False)[0])
 
 
-def check(points: Array, cells: Array, kind: str, orient: bool = False) -> Array:
+def check(points: Array, cells: Array, kind: str, orient: bool = False, joints: Array | None = None) -> Array:
     """Make sure that the cells are sound, no edge has more than two, and neighbours face the same side.
 
+    joints: ends of edges (n, 2) that may have more, where sheets are sewn onto each other.
     orient: where they do not, choose the cells to be turned, the fewest in each connected piece.
     Returns which cells these are, shape (cells,). Raises InputError, naming cell and place, for a cell with a
     repeated vertex, of no area, more than `ASPECT` times longer than wide, or given twice; for
@@ -85,16 +86,20 @@ def check(points: Array, cells: Array, kind: str, orient: bool = False) -> Array
 
     # sides of the cells, in the order of their edges
     ends = np.stack([corners, np.roll(corners, -1, axis=1)], axis=-1).reshape(-1, 2)
-    _, edge, count = edges(cells, kind)
+    known, edge, count = edges(cells, kind)
+    joined = np.zeros(len(count), dtype=bool)
+    if joints is not None and len(joints):
+        total = known.max() + 1
+        joined = np.isin(known @ [total, 1], np.sort(joints, axis=1) @ [total, 1])
     sides = np.argsort(edge.ravel(), kind="stable")
     start = np.cumsum(count) - count
     owner, forward = np.repeat(np.arange(len(cells)), corners.shape[1]), ends[:, 0] < ends[:, 1]
-    for e in np.flatnonzero(count > 2)[:1]:
+    for e in np.flatnonzero((count > 2) & ~joined)[:1]:
         some = sides[start[e] : start[e] + count[e]]
         raise InputError(
             f"Cells {', '.join(str(owner[s]) for s in some)} share the edge at "
-            f"{place(points[ends[some[0]]].mean(axis=0))}, where the surface branches: a shell with T-joints "
-            "is not supported, so take one part away."
+            f"{place(points[ends[some[0]]].mean(axis=0))}, where the surface branches: take one part away, or "
+            "sew it on by a seam of panels."
         )
     left, right = sides[start[count == 2]], sides[start[count == 2] + 1]
     opposed = forward[left] == forward[right]

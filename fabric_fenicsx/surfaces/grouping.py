@@ -30,6 +30,8 @@ class Raw:
     """Groups that the file does not name: cells in no other are still "sheet"."""
     loose: Array = field(default_factory=lambda: np.zeros((0, 2), dtype=int))
     """Ends of lines, each of which must be an edge of a cell."""
+    joints: Array = field(default_factory=lambda: np.zeros((0, 2), dtype=int))
+    """Ends of edges at which more than two cells meet, as they are meant to."""
     foreign: bool = True
     """Free edges in no group are the group "boundary", cells in none "sheet"."""
     merge: float = 0.0

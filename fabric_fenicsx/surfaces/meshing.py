@@ -1,5 +1,6 @@
 """From a file or a gmsh model to a DOLFINx mesh whose parts are found by name."""
 
+import warnings
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -147,22 +148,30 @@ def from_gmsh(
 
 
 def sewn(
-    make: Callable[[], tuple[grouping.Raw, checking.Array]], comm: MPI.Comm = MPI.COMM_WORLD, *, ghosts: bool = False
+    make: Callable[[], tuple[grouping.Raw, checking.Array, checking.Array | None]],
+    comm: MPI.Comm = MPI.COMM_WORLD,
+    *,
+    ghosts: bool = False,
 ) -> Domain:
     """The mesh of a surface that starts in one place and is at rest in another, see `placing`.
 
-    `make()` runs on rank 0 only, and returns the surface where it starts, with cells of one kind numbered from 0, and
-    where the nodes of each cell are at rest, (cells, nodes, 3) in m. Raises InputError as `from_gmsh`.
+    `make()` runs on rank 0 only, and returns the surface where it starts, with cells of one kind numbered from 0, where
+    the nodes of each cell are at rest, (cells, nodes, 3) in m, and their directors, see `placing.leaning`. Raises
+    InputError as `from_gmsh`.
     """
 
-    def prepare() -> tuple[preparing.Sheet, checking.Array]:
-        raw, rest = make()
-        return preparing.prepare(raw, gdim=3, orient=False, scale=1.0, merge=None, triangulate=False), rest
+    def prepare() -> tuple[preparing.Sheet, checking.Array, checking.Array | None]:
+        raw, rest, directors = make()
+        with warnings.catch_warnings():  # of free edges that lie on one another, as two layers do
+            warnings.simplefilter("ignore")
+            sheet = preparing.prepare(raw, gdim=3, orient=False, scale=1.0, merge=None, triangulate=False)
+        return sheet, rest, directors
 
-    sheet, rest = _on_root(comm, prepare) or (None, None)
-    domain = _distribute(sheet, comm, 3, ghosts)
-    there = np.asarray(comm.bcast(rest, root=0))[np.array(domain.mesh.topology.original_cell_index)]
-    return replace(domain, mesh=placing.placed(domain.mesh, there))
+    made = _on_root(comm, prepare)
+    domain = _distribute(made and made[0], comm, 3, ghosts)
+    rest, directors = comm.bcast(made and made[1:], root=0)
+    of = np.array(domain.mesh.topology.original_cell_index)
+    return replace(domain, mesh=placing.placed(domain.mesh, rest[of], None if directors is None else directors[of]))
 
 
 def _by_gmsh(
@@ -214,7 +223,7 @@ def _distribute(sheet: preparing.Sheet | None, comm: MPI.Comm, gdim: int, ghosts
         points, cells, tagged = sheet.points[:, :gdim], sheet.cells, sheet.tagged
     element = basix.ufl.element("P", kind, checking.DEGREE[width], shape=(gdim,))
     mode = dmesh.GhostMode.shared_facet if ghosts else dmesh.GhostMode.none
-    domain = dmesh.create_mesh(comm, cells, element, points, dmesh.create_cell_partitioner(mode, 2))
+    domain = dmesh.create_mesh(comm, cells, element, points, dmesh.create_cell_partitioner(mode, 3))
     tags = {}
     for dim, (entities, values) in tagged.items():
         domain.topology.create_entities(dim)

@@ -26,10 +26,19 @@ def of(domain: mesh.Mesh | ufl.Mesh) -> fem.Function | None:
     return getattr(domain.ufl_domain() if isinstance(domain, mesh.Mesh) else domain, "_placement", None)
 
 
-def placed(start: mesh.Mesh, rest: Array) -> mesh.Mesh:
+def leaning(domain: mesh.Mesh) -> Array | None:
+    """Unit vectors along which directors are at rest at the corners of local cells, (cells, corners, 3); None: normal.
+
+    At a fold, where sheets meet at an angle, their director leans out of each.
+    """
+    return getattr(domain.ufl_domain(), "_leaning", None)
+
+
+def placed(start: mesh.Mesh, rest: Array, directors: Array | None = None) -> mesh.Mesh:
     """A mesh with the topology of `start`, whose cells lie elsewhere, and which starts where `start` lies.
 
     rest: places (m) of the nodes of each local cell, ghosts included, in the order of `start`: (cells, nodes, 3).
+    directors: see `leaning`.
     """
     count, width = start.geometry.dofmaps[0].shape
     if np.shape(rest) != (count, width, 3):
@@ -47,6 +56,7 @@ def placed(start: mesh.Mesh, rest: Array) -> mesh.Mesh:
     both = cpp.mesh.Mesh_float64(start.comm, start.topology._cpp_object, geometry._cpp_object)
     result = mesh.Mesh(both, ufl.Mesh(element))
     place(result, start.geometry.x[start.geometry.dofmaps[0]])
+    result.ufl_domain()._leaning = directors
     return result
 
 

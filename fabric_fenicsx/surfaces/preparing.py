@@ -90,7 +90,7 @@ def prepare(raw: Raw, *, gdim: int, orient: bool, scale: float, merge: float | N
     number[used] = np.arange(len(used))
     number, points = number[place], points[used]
 
-    turned = checking.check(points, cells, kind, orient or gdim == 2)
+    turned = checking.check(points, cells, kind, orient or gdim == 2, number[raw.joints])
     cells[turned] = cells[turned][:, checking.turned(kind, cells.shape[1])]
     edges, sides, count = checking.edges(cells, kind)
     pieces = checking.pieces(sides, count)
