@@ -18,6 +18,7 @@ WHOLE = {
     "capstan": "capstan.py",
     "catenary": "capstan.py --catenary",
     "stack": "stack.py",
+    "tablecloth": "tablecloth.py --cells 10 --around 8 --end 1.3",
     "cusick": "cusick.py --contact --cell 20 --step 25 --around 6 --end 0.8",
 }
 
