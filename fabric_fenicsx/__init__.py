@@ -41,6 +41,8 @@ Rooms, in the order in which a scene goes through them, and their names; each ro
 - `output.recording`: all that a run leaves behind, in one line: `Recorder`; `output.showing`: `Plain`
 - `contact.contact`: of a sheet with bodies and with itself: `Contact`; `contact.bodies`: `Plane`, `Sphere`, `Cylinder`,
   `Capsule`, `Box`, `Surface`
+- `garments.panels`: of a pattern: `Panel`, `Edge`, `Flat`, `Rolled`; `garments.sewing`: `sew`, `Seam`, `Garment`
+- `garments.dressing`: onto the body, and from there on: `Dressing`, `worn`
 - `output.results`: histories: `folder`, `Table`, `Average`, `on_root`; `output.fields`: for ParaView: `Fields`
 - `output.pictures`: a sheet: `picture`; `output.series`: from its fields, and films: `Series`
 - `plots`: curves of one look: `panels`, `label`, `legend`, `style`, `series`
@@ -51,7 +53,8 @@ Rooms, in the order in which a scene goes through them, and their names; each ro
 The other rooms serve these: `surfaces.checking`, `surfaces.grouping` and `surfaces.preparing` a mesh; files
 `surfaces.importing`, `surfaces.gmsh_models`, `surfaces.geo_programs` (what a `.geo` may not do), `surfaces.abaqus`,
 `surfaces.abaqus_lines`, `surfaces.abaqus_parts` and `surfaces.polygon_files`; `shell.rotation` and `shell.dirichlet`
-the directors, `terms.kernels` the stiffness, `solvers.tangent` the matrix, `solvers.stepper`, `solvers.step` and
+the directors, `surfaces.placing` where a garment starts, `surfaces.outlines` its cells, `terms.kernels` and
+`terms.pairing` the stiffness, `solvers.tangent` the matrix, `solvers.stepper`, `solvers.step` and
 `solvers.stable_step` the motions, `contact.skin`, `contact.collisions`, `contact.planes`, `contact.surroundings`,
 `contact.pairs`, `contact.barrier` and `contact.friction` contact, `solvers.leading` what leads,
 `solvers.held` and `solvers.zero_energy` statics, `solvers.reactions` and `solvers.failures` all of them,
@@ -85,7 +88,9 @@ short, each ends in an exact check, and are meant to be copied and changed.
 - **Slack cloth** has many wrinkled states. Which one is found depends on mesh, steps and round-off; statics may find
   none; a motion goes through them.
 - **Transverse shear** of cloth is not measured; the sheet takes the first shear modulus of its plane for it.
-- **Branches.** A surface has none (T-joints). A seam is a shared edge: panels that open apart are not known.
+- **Branches.** A mesh that is read has none. Where three panels are sewn together their directors turn as one; the
+  first cells at a fold are too soft in bending, by an error that goes with their size. A seam is a shared edge: panels
+  that open apart are not known.
 - **Size.** A direct solver takes 7.1 GB for 340 x 340 cells; others (`solvers.linear`) suit motion and sheets
   in tension.
 """
