@@ -131,6 +131,18 @@ class Contact:
         self._around.place()
         return self._around.collisions.nodes
 
+    def touching(self, body: Body) -> np.ndarray:
+        """Which nodes of the sheet belong to what a body presses on, (n,); of a plane, none."""
+        self._around.place()
+        near, found = self._around.collisions, np.zeros(len(self.rest), dtype=bool)
+        part = slice(0, 0) if isinstance(body, Plane) else self._part(body)
+        for k in range(len(near.set)):
+            pair = near.set[k]
+            nodes = np.array(pair.vertex_ids(near.edges, near.faces)[: pair.num_vertices()])
+            if ((nodes >= part.start) & (nodes < part.stop)).any():
+                found[nodes[nodes < near.count]] = True
+        return found
+
     def forces(self, body: Body | None = None) -> Array:
         """Of contact and friction on the sheet's nodes, (n, 3) in N, in the order of `Skin`, or on a body's corners."""
         self._around.place()

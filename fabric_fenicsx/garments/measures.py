@@ -104,7 +104,7 @@ class Slip:
     """How far the nodes of a sheet slide over a body; a `step` after each step of a motion, on every rank.
 
     Each node goes with the place of the skin that is nearest to it at the start of a step. Public: `way`, what each has
-    slid so far while within reach of the body, m, in the order of `Contact.forces`; `touching`, which are so now.
+    slid so far while the body presses on it, m, in the order of `Contact.forces`; `touching`, which are so now.
     """
 
     def __init__(self, touch: Contact, body: Body) -> None:
@@ -120,8 +120,7 @@ class Slip:
         surface = pyvista.PolyData(x, np.insert(faces, 0, 3, axis=1).ravel())
         found: Any = surface.find_closest_cell(self._nodes, return_closest_point=True)
         cells, closest = (np.asarray(part) for part in found)
-        off = np.linalg.norm(closest - self._nodes, axis=1)
-        self.touching = off < self._touch.offset + self._touch.reach
+        self.touching = self._touch.touching(self._body)
         self._corners = faces[cells]
         a, b, c = x[self._corners].transpose(1, 0, 2)
         rows = np.stack([a - c, b - c], axis=2)
