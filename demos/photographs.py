@@ -100,13 +100,14 @@ def board(middle):
     return plane, np.repeat(image[..., None], 3, axis=2)
 
 
-def cloth(points, cells, length, width):
-    """The undeformed strip of nodes (n, 3) and cells in VTK's way as a surface that takes the image of `dotted`."""
+def cloth(shape, length, width):
+    """A strip, as it is now, as a surface that takes the image of `dotted`."""
     import pyvista
 
-    grid = pyvista.UnstructuredGrid(*cells, points)
+    grid = pyvista.UnstructuredGrid(shape.cells, shape.kinds, shape.points + shape.moved)
+    grid["place"] = shape.points[:, :2] / (length, width)
     surface = grid.extract_surface(nonlinear_subdivision=3, algorithm="dataset_surface").triangulate()
-    surface.active_texture_coordinates = surface.points[:, :2] / (length, width)
+    surface.active_texture_coordinates = np.asarray(surface["place"])
     return surface
 
 
@@ -127,20 +128,14 @@ def simulate(case):
 
 def photograph(camera, case, rows, shapes, folder, every):
     """Photographs of every so many shapes, whose paths are returned, and machine.csv, the record that names them."""
-    import pyvista
-
     length, width = case.fabric.gauge_length, case.fabric.width
-    surface = cloth(shapes[0].points, (shapes[0].cells, shapes[0].kinds), length, width)
-    at_rest = surface.points.copy()
-    camera.see(surface, dotted(length, width))
+    image = dotted(length, width)
     lines, taken = ["photograph,displacement_mm,force_N"], []
     for k, (shape, (d, force)) in enumerate(zip(shapes, rows, strict=True)):
         name = ""
         if k % every == 0 or k == len(shapes) - 1:
             name, part = f"{k:03d}.png", k / len(shapes)
-            moved = pyvista.UnstructuredGrid(shape.cells, shape.kinds, shape.points)
-            moved["u"] = shape.moved
-            surface.points = at_rest + pyvista.PolyData(at_rest).sample(moved)["u"]
+            camera.see(cloth(shape, length, width), image)
             taken.append(folder / name)
             camera.photograph(taken[-1], 1 - 0.3 * part, 0.3 * (part - 0.5))
         lines.append(f"{name},{d:.6g},{force:.6g}")
@@ -205,7 +200,7 @@ def main():
         command.say(f"{way}:")
         files[way] = measure(taken, out / way, angle)
     tests = listed(fabric, files, out / "tests.toml")
-    _, again = identifying.make(tests, out, say=command.say)
+    _, again = identifying.make(tests, out, mesh=tensile.STRIP, ends="free", say=command.say)
     miss = round_trip.recovery(fabric, again)
     right = all(abs(miss[key]) <= accepted for key, accepted in ACCEPTED.items())
     command.say("off by " + ", ".join(f"{key} {miss[key]:+.2f} %" for key in ACCEPTED))

@@ -22,6 +22,7 @@ from fabric_fenicsx.identify import (
     markers,
     net,
     origin,
+    pages,
     records,
     report,
     synthetic,
@@ -729,3 +730,38 @@ def test_any_words_survive_the_file(tmp_path_factory, name, source):
         return
     _, fabric = fabric_file.write(answer, tmp_path_factory.getbasetemp())
     assert fabric.name == name and fabric.warp.modulus[:2] == (1e6, 1e7)
+
+
+def test_the_report_is_one_page_of_html_and_a_pdf(tmp_path):
+    """Every picture inlined, every record in newtons and millimetres beside the law, photographs beside the strip."""
+    from PIL import Image
+
+    fabric = fabrics.load("blend")
+    tests = synthetic.write(fabric, tmp_path, specimens=2, noise=0.01)
+    head, *lines = [line for line in (tmp_path / "warp_1.csv").read_text().splitlines() if not line.startswith("#")]
+    top = max(range(len(lines)), key=lambda k: float(lines[k].split(",")[2]))
+    lines = [f"{line},{'p/top.png' if k == top else ''}" for k, line in enumerate(lines)]
+    (tmp_path / "warp_1.csv").write_text("\n".join([f"{head},photograph", *lines]))
+    (tmp_path / "p").mkdir()
+    Image.fromarray(np.full((40, 90), 128, dtype=np.uint8)).save(tmp_path / "p" / "top.png")
+    found = identification.identify(listing.read(tests))
+    asked = []
+
+    def drawn(angle, displacement):
+        asked.append((angle, displacement))
+        return np.zeros((30, 60, 3), dtype=np.uint8)
+
+    pages.write(found, fabric, tmp_path, drawn)
+    text = (tmp_path / "report.html").read_text()
+    assert text.count("data:image/png;base64,") == 3 and "http" not in text.replace('charset="utf-8"', "")
+    assert "Tests as they were recorded" in text and "not determined" in text
+    assert (tmp_path / "report.pdf").read_bytes().count(b"/Type /Page ") == 3
+    assert asked == [(0.0, pytest.approx(fabric.displacement["warp"], rel=0.01))]
+    own = pages._files(found)
+    assert [(way, path.name) for way, path, _ in own][:2] == [("warp", "warp_1.csv"), ("warp", "warp_2.csv")]
+    for way, _, (record, *_) in own:  # within the noise and the spread of what was fitted
+        force = pages._force(found, fabric, way, record)
+        rising = slice(0, int(record.displacement.argmax()))
+        assert np.abs(force - record.force)[rising].max() < 0.12 * record.force.max()
+    pages.write(found, None, tmp_path)
+    assert (tmp_path / "report.html").read_text().count("data:image/png;base64,") == 3

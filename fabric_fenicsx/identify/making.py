@@ -6,7 +6,8 @@ from pathlib import Path
 
 from ..errors import InputError
 from ..fabrics import Fabric
-from . import comparison, fabric_file, net, report
+from ..laws import Array
+from . import comparison, fabric_file, net, pages, report
 from .identification import Identified, identify
 from .listing import read
 
@@ -26,10 +27,11 @@ def make(
 ) -> tuple[Path, Fabric]:
     """Identify the fabric of a list of tests; the path of its file, and the fabric.
 
-    Writes report.pdf, report.png and fabric.toml into `out`, and tests.pdf and tests.png where strips off the yarns or
-    biaxial records are in the list, which goes into one fit then. shear: of `SHEAR`; mesh and ends: of the simulated
-    strip, see `inverse.shear`; per_width: a unit of `fabrics.per_width` beside Pa in all of them. Raises InputError,
-    after the report, where no whole fabric comes of the tests, and after the fabric, where the records do not fit it.
+    Writes report.pdf, report.html, report.png (its first page) and fabric.toml into `out`, and tests.pdf and tests.png
+    where strips off the yarns or biaxial records are in the list, which goes into one fit then. shear: of `SHEAR`; mesh
+    and ends: of the simulated strip, see `inverse.shear`; per_width: a unit of `fabrics.per_width` beside Pa in all of
+    them. Raises InputError, after the report, where no whole fabric comes of the tests, and after the fabric, where the
+    records do not fit it.
     """
     found = identify(replace(read(tests), ends=ends))
     if shear != "photographs":
@@ -47,19 +49,35 @@ def make(
 
         say("  one fit of all tests ...")
         found = joint.fit(found, simulated.strips(mesh) if mesh else None)
-    for ending in ("pdf", "png"):
-        report.write(found, out / f"report.{ending}", per_width=per_width)
-        if found.compared:
-            comparison.write(found, out / f"tests.{ending}", per_width=per_width)
+    report.write(found, out / "report.png", per_width=per_width)
+    for ending in ("pdf", "png") if found.compared else ():
+        comparison.write(found, out / f"tests.{ending}", per_width=per_width)
     for word in (*found.notes, *found.fits, "not determined:", *(found.undetermined or ["nothing"])):
         say(f"  {word}")
-    path, fabric = fabric_file.write(found, out, per_width=per_width)
+    try:
+        path, fabric = fabric_file.write(found, out, per_width=per_width)
+    except InputError:
+        pages.write(found, None, out, per_width=per_width)
+        raise
+    drawn = _strip(found, fabric, mesh, ends) if mesh else None
+    pages.write(found, fabric, out, drawn, per_width=per_width)
     if found.doubts:
         raise InputError(
             f"{found.tests.file}: the fabric is not to be trusted: {'; '.join(found.doubts)}; {path} is written, but "
             "look at the report for readings that are off, correct the records and identify again."
         )
     return path, fabric
+
+
+def _strip(found: Identified, fabric: Fabric, mesh: Path, ends: str) -> pages.Simulated:
+    """What draws a simulated strip of the fabric."""
+
+    def drawn(angle: float, displacement: float) -> Array:
+        from . import simulated
+
+        return simulated.picture(mesh, fabric, found.tests.strip, angle, displacement, ends)
+
+    return drawn
 
 
 def _without_photographs(found: Identified) -> Identified:

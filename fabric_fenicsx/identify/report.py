@@ -143,7 +143,7 @@ def _bias(axes: "Axes", found: Identified) -> None:
             axes.legend(fontsize=7)
 
 
-def _table(found: Identified, per_width: str | None) -> str:
+def words(found: Identified, per_width: str | None = None) -> str:
     """Parameters with standard errors, errors of the fits, what is not determined, remarks."""
     lines = [
         "dots: readings, one colour a specimen, unloading grey; line: fit; dashed: unloading (dotted: not measured);",
@@ -187,6 +187,13 @@ def _table(found: Identified, per_width: str | None) -> str:
     lines += ["", "not determined", *(f"- {word}" for word in found.undetermined)]
     if found.notes:
         lines += ["", "remarks", *(f"- {note}" for note in found.notes)]
-    wrapped = [part for line in lines for part in (textwrap.wrap(line, WIDTH, subsequent_indent="      ") or [""])]
+    return "\n".join(
+        part for line in lines for part in (textwrap.wrap(line, WIDTH, subsequent_indent="      ") or [""])
+    )
+
+
+def _table(found: Identified, per_width: str | None) -> str:
+    """What of the words goes on the page."""
+    wrapped = words(found, per_width).splitlines()
     more = len(wrapped) - LINES
     return "\n".join(wrapped[:LINES] + ([f"... and {more} more lines"] if more > 0 else []))

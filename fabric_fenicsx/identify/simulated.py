@@ -13,8 +13,9 @@ from .. import specimen
 from ..fabrics import Fabric
 from ..laws import Array
 from ..laws.potential import Potential
+from ..output import pictures
 from ..solvers import statics
-from ..surfaces import meshing
+from ..surfaces import meshing, yarns
 from . import curves
 from .inverse import ELEMENTS
 from .joint import Simulate
@@ -45,3 +46,21 @@ def strips(mesh: Path, cells: tuple[int, int] | None = None) -> Simulate:
         return curves.piola_kirchhoff(np.array(forces), displacements, strip.gauge_length, strip.area)
 
     return pull
+
+
+def picture(mesh: Path, fabric: Fabric, strip: Strip, angle: float, displacement: float, ends: str) -> Array:
+    """A strip that is pulled by so many m, the warp at `angle` (degrees), by its axial strain: (rows, columns, 3)."""
+    length, width = strip.gauge_length, strip.width
+    domain = meshing.read(mesh, MPI.COMM_SELF, gdim=2, nx=18, ny=6, length=length, width=width)
+    turn = np.radians(angle)
+    scene = specimen.strip(domain, fabric, Potential(fabric), turn, ends, degree=2)
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", message=".*is beyond the measured")
+        for _ in statics.march(scene.solver, scene.pull, list(np.linspace(0, displacement, 11)[1:])):
+            pass
+    E1, E2, gamma = scene.points.strain[..., :3].mean(axis=1).T
+    c, s = np.cos(turn), np.sin(turn)
+    moved = yarns.Yarns(domain.mesh, scene.u, yarns.plane_axes(domain.mesh, turn))
+    shown = pictures.shape(scene.u, c * c * E1 + s * s * E2 - c * s * gamma, moved())
+    assert shown is not None  # a single rank has all of it
+    return pictures.page(shown, "axial strain (-)")

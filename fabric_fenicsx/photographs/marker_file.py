@@ -9,6 +9,7 @@ deformation gradient that fits the marks best, warp_stretch, weft_stretch and th
 
 import csv
 import io
+import os
 import re
 from collections.abc import Sequence
 from pathlib import Path
@@ -30,7 +31,7 @@ def record(path: str | Path) -> tables.Table:
 
 def rows_of(table: tables.Table, photographs: Sequence[Path]) -> list[int]:
     """The line of the record at which each photograph was taken; raises InputError where one is missing."""
-    column = next(i for i, (name, _) in enumerate(table.columns) if re.search(PHOTOGRAPH, name))
+    column = _column(table)
     cells = [Path(cell).name for cell in table.column(column)]
     out = []
     for photo in photographs:
@@ -42,6 +43,10 @@ def rows_of(table: tables.Table, photographs: Sequence[Path]) -> list[int]:
             )
         out.append(at[0])
     return out
+
+
+def _column(table: tables.Table) -> int:
+    return next(i for i, (name, _) in enumerate(table.columns) if re.search(PHOTOGRAPH, name))
 
 
 def gradient(x: Array, X: Array) -> tuple[Array, float]:
@@ -73,19 +78,26 @@ def yarns(F: Array, warp: float) -> dict[str, Array]:
 
 def write(path: Path, photographs: Sequence[Path], names: Sequence[str], x: Array, unit: str, *,
           table: tables.Table | None = None, more: dict[str, Array] | None = None) -> None:  # fmt: skip
-    """Write marks x (m, n, 2), NaN where lost, beside the columns `more` (m,) and those of a record."""
+    """Write marks x (m, n, 2), NaN where lost, beside the columns `more` (m,) and those of a record.
+
+    Photographs are named as they lie from the folder of the file.
+    """
     heads = [f"{name}_{axis}_{unit}" for name in names for axis in "xy"]
     columns = np.array([*(more or {}).values(), *x.reshape(len(x), -1).T])
     cells = [["" if np.isnan(v) else f"{v:.5f}" for v in line] for line in columns.T]
     heads = [*(more or {}), *heads]
+    there = [os.path.relpath(photo, path.parent) for photo in photographs]
     text = io.StringIO()
     out = csv.writer(text, lineterminator="\n")
     if table is None:
         out.writerow(["photograph", *heads])
-        out.writerows([[photo.name, *line] for photo, line in zip(photographs, cells, strict=True)])
+        out.writerows([[one, *line] for one, line in zip(there, cells, strict=True)])
     else:
-        at = {row: k for k, row in enumerate(rows_of(table, photographs))}
-        out.writerow([*(name if unit is None else f"{name} ({unit})" for name, unit in table.columns), *heads])
+        at, column = {row: k for k, row in enumerate(rows_of(table, photographs))}, _column(table)
+        named = [name if unit is None else f"{name} ({unit})" for name, unit in table.columns]
+        out.writerow([*named[:column], "photograph", *named[column + 1 :], *heads])
         for row, line in enumerate(table.cells):
-            out.writerow([*line, *(cells[at[row]] if row in at else [""] * len(heads))])
+            k = at.get(row)
+            own = [*line[:column], "" if k is None else there[k], *line[column + 1 :]]
+            out.writerow([*own, *([""] * len(heads) if k is None else cells[k])])
     files.replace(path, text.getvalue())
