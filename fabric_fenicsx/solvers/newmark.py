@@ -34,7 +34,7 @@ DOWNHILL: dict[str, object] = {"snes_linesearch_type": "cp", "snes_linesearch_rt
 correction is its slope. A whole step is taken where that has halved, else one to where the slope is zero.
 
 Newton iterations and residuals a step, drape of blend held over patches, 20 x 20: 4.2 and 7.1; secant 3.8 and 11.8, bt
-4.4 and 7.3, full steps 9.3 and 15. Poke of muslin: 4.4 and 6.0.
+4.4 and 7.3, full steps 9.3 and 12. Poke of muslin: 4.4 and 6.0.
 """
 IMPULSES: dict[str, object] = {"snes_linesearch_type": "bt"}
 """Where a term is impulsive, as contact is, and none has kinks.
