@@ -40,11 +40,12 @@ Rooms, in the order in which a scene goes through them, and their names; each ro
 - `solvers.energy`: where the work goes: `Ledger`; `solvers.checkpoint`: `save`, `load`, `guard`
 - `output.recording`: all that a run leaves behind, in one line: `Recorder`; `output.showing`: `Plain`
 - `contact.contact`: of a sheet with bodies and with itself: `Contact`; `contact.bodies`: `Plane`, `Sphere`, `Cylinder`,
-  `Capsule`, `Box`, `Surface`
+  `Capsule`, `Box`, `Ring`, `Surface`; `contact.planes`: friction: `coulomb`; `contact.deforming`: as frames tell: `Deforming`
 - `garments.panels`: of a pattern: `Panel`, `Edge`, `Flat`, `Rolled`; `garments.sewing`: `sew`, `Seam`, `Garment`
-- `garments.dressing`: onto the body, and from there on: `Dressing`, `worn`
+- `garments.dressing`: onto the body, and from there on: `Dressing`, `worn`; `garments.limbs`: `arm`, `leg`
 - `output.results`: histories: `folder`, `Table`, `Average`, `on_root`; `output.fields`: for ParaView: `Fields`
-- `output.pictures`: a sheet: `picture`; `output.series`: from its fields, and films: `Series`
+- `output.pictures`: a sheet: `picture`; `output.solids`: bodies in it: `drawn`
+- `output.series`: from its fields, and films: `Series`
 - `plots`: curves of one look: `panels`, `label`, `legend`, `style`, `series`
 - `scenes`: a scene as data: `read`, `build`, `run`; `app.cli`: the command `fabric-fenicsx`
 - `app.command`: what every script does at its command line: `parse`, `say`, `run`; `system`: `can_draw`, `mpirun`
@@ -55,11 +56,15 @@ The other rooms serve these: `surfaces.checking`, `surfaces.grouping` and `surfa
 `surfaces.abaqus_lines`, `surfaces.abaqus_parts` and `surfaces.polygon_files`; `shell.rotation` and `shell.dirichlet`
 the directors, `surfaces.placing` where a garment starts, `surfaces.outlines` its cells, `terms.kernels` and
 `terms.pairing` the stiffness, `solvers.tangent` the matrix, `solvers.stepper`, `solvers.step` and
-`solvers.stable_step` the motions, `contact.skin`, `contact.collisions`, `contact.planes`, `contact.surroundings`,
-`contact.pairs`, `contact.barrier` and `contact.friction` contact, `solvers.leading` what leads,
+`solvers.stable_step` the motions, `contact.skin`, `contact.collisions`, `contact.surroundings`,
+`contact.pairs`, `contact.barrier`, `contact.friction`, `contact.coefficients`, `contact.pressure`,
+`contact.free_body` and `contact.free_bodies` contact, `terms.extra` and `solvers.unknowns` unknowns beside a sheet's,
+`garments.patterns`, `garments.dxf`, `garments.garmentcode` and `garments.outlines` patterns from files,
+`garments.limb`, `garments.hips` and `garments.measures` the wearer, `solvers.leading` what leads,
 `solvers.held` and `solvers.zero_energy` statics, `solvers.reactions` and `solvers.failures` all of them,
 `entries` the TOML files, `compiling` the forms that are compiled once and kept,
-`files` and `output.gathering` what is written, `photographs.reading`, `photographs.marks`, `photographs.tracking`,
+`files`, `output.gathering` and `output.moving` what is written, `photographs.reading`, `photographs.marks`,
+`photographs.tracking`,
 `photographs.plane`, `photographs.corrections`, `photographs.marker_file` and `photographs.contact_sheet` the
 photographs, `app.options`, `app.photographs` and `app.doctor` the command.
 
@@ -69,7 +74,9 @@ short, each ends in an exact check, and are meant to be copied and changed.
 # What it cannot do
 
 - **Contact** (`contact`) needs the extra `contact` and is asked for; else a sheet goes through itself and others.
-  Bodies do not move by themselves. Smoothed friction creeps.
+  Bodies with mass touch the sheet only, not each other; in statics there are none. Smoothed friction creeps. The
+  pressure at a given gap varies with the mesh of a body, by a factor of 6. Hard explicit impacts of free bodies do not
+  keep energy: take implicit steps.
 - **Failure.** Yarns do not break, yield, creep or relax: stress depends on strain and on its past, not on time.
 - **Beyond the tests.** A fabric is known up to the largest strain of its tests. From there its curves go on along their
   tangents, and a warning says so once.
@@ -85,6 +92,9 @@ short, each ends in an exact check, and are meant to be copied and changed.
 - **Energy.** The default law makes none. That of Chapter 6 (`continuous`, `printed`) has no potential: round a closed
   loop of strains in two directions it can make energy, much of it where Poisson's ratios are large (duck, muslin). The
   balance of energies closes all the same; `solvers.energy.Ledger.made` tells what was made.
+- **Garments** are dressed of soft cloth; of stiff cloth a part of the energy is lost on the way. Hands and feet of
+  limbs are stubs, hips swing by 30 degrees. The work of a moment at a joint does not agree yet with the energy of
+  a sleeve.
 - **Slack cloth** has many wrinkled states. Which one is found depends on mesh, steps and round-off; statics may find
   none; a motion goes through them.
 - **Transverse shear** of cloth is not measured; the sheet takes the first shear modulus of its plane for it.

@@ -41,7 +41,7 @@ def identified(path, strip=STRIP):
     """The axial curve of a file, its notes and its doubts."""
     read = records.read_all(path, strip)
     begun = [origin.find(record, branches.split(record), strip.gauge_length) for record in read]
-    curve = identification._curve(strip, [one for one, _ in begun], [part for _, part in begun])
+    curve = identification._curve([strip] * len(begun), [one for one, _ in begun], [part for _, part in begun])
     said = [note for record, part in begun for note in (*record.notes, *part.notes)]
     return curve, " ".join(said), [doubt for record, _ in begun for doubt in record.doubts]
 
