@@ -149,7 +149,7 @@ def one_frame(folder):
 
 def test_the_entry_point_is_this_command():
     assert PROJECT["scripts"] == {"fabric-fenicsx": "fabric_fenicsx.app.cli:main"}
-    verbs = {"fabrics", "identify", "run", "view", "doctor"}
+    verbs = {"fabrics", "identify", "markers", "run", "view", "doctor"}
     assert set(cli.app.commands) == verbs and all(cli.app.commands[verb].help for verb in verbs)
 
 

@@ -138,7 +138,7 @@ def test_marks_are_followed_and_losses_told(stretched, tmp_path):
     assert {(k, j) for k, j in np.argwhere(lost)} == set(HIDDEN)
     off = np.linalg.norm(table * [1, -1] - true, axis=-1)[~lost]
     assert np.sqrt((off**2).mean()) < ACCURATE and off.max() < 4 * ACCURATE
-    assert path.read_text().startswith("photograph,m01_x_px,m01_y_px,") and "\nimg_8.png" in path.read_text()
+    assert path.read_text().startswith("photograph,m01_x_px,m01_y_px,") and "img_8.png," in path.read_text()
     words = "\n".join(said)
     assert "16 dark dots in 7 photographs" in words and "m06 is lost in 2 of them, from img_10.png on" in words
     assert "m16 is lost in img_14.png" in words and "pixels" in words
