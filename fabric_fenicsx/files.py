@@ -1,6 +1,7 @@
 """Files that are there in whole or not at all, whatever happens while they are written."""
 
 import os
+import re
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -50,3 +51,8 @@ def _named(path: Path) -> Iterator[None]:
         yield
     except OSError as error:
         raise OSError(error.errno, error.strerror or str(error), str(path)) from error
+
+
+def in_order(path: Path) -> list[tuple[int, int, str]]:
+    """Key by which files come in the order of the numbers in their names: 2 before 10."""
+    return [(0, int(part), "") if part.isdigit() else (1, 0, part) for part in re.split(r"(\d+)", path.name) if part]

@@ -26,8 +26,8 @@ FLOORS = [
             {"preparing"},
             {"abaqus_lines", "geo_programs", "polygon_files"},
             {"abaqus_parts"},
-            {"abaqus", "gmsh_models", "outlines"},
-            {"importing"},
+            {"abaqus", "gmsh_models"},
+            {"importing", "outlines"},
             {"meshing"},
             {"yarns"},
         ]
@@ -73,7 +73,8 @@ FLOORS = [
     },
     {
         "garments": [
-            {"panels", "limb", "outlines"},
+            {"limb", "outlines"},
+            {"panels"},
             {"sewing", "limbs", "dxf", "measures"},
             {"dressing", "garmentcode", "hips"},
             {"patterns"},

@@ -45,12 +45,7 @@ def numbers(count: int) -> Callable[[click.Context, click.Parameter, str | None]
     def read(context: click.Context, parameter: click.Parameter, text: str | None) -> tuple[float, ...] | None:
         if text is None:
             return None
-        try:
-            out = tuple(map(float, text.split(",")))
-        except ValueError:
-            out = ()
-        if len(out) != count:
-            raise click.BadParameter(f"{text} is not of the form {','.join(('1', '-2', '1.2', '3')[:count])}")
+        out = _split(text, count)
         if not all(map(math.isfinite, out)):
             raise click.BadParameter(f"{text} is not finite; give {count} numbers")
         return out
@@ -60,12 +55,19 @@ def numbers(count: int) -> Callable[[click.Context, click.Parameter, str | None]
 
 def direction(context: click.Context, parameter: click.Parameter, text: str | None) -> tuple[float, ...] | None:
     """Three numbers, as 1,-2,1.2, not all zero."""
-    try:
-        found = numbers(3)(context, parameter, text)
-    except click.BadParameter as error:
-        if "finite" not in error.message:
-            raise
-        found = (0.0,) * 3
-    if found is not None and not any(found):
+    if text is None:
+        return None
+    found = _split(text, 3)
+    if not (all(map(math.isfinite, found)) and any(found)):
         raise click.BadParameter(f"{text} is no direction; give three finite numbers, as 1,-2,1.2")
     return found
+
+
+def _split(text: str, count: int) -> tuple[float, ...]:
+    try:
+        out = tuple(map(float, text.split(",")))
+    except ValueError:
+        out = ()
+    if len(out) != count:
+        raise click.BadParameter(f"{text} is not of the form {','.join(('1', '-2', '1.2', '3')[:count])}")
+    return out

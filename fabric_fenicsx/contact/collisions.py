@@ -4,7 +4,7 @@ Its barrier b(d) is zero from the `reach` on and infinite at distance zero, d be
 area weights, and its stiffness k as a pressure (Pa), sheets at half the reach press with about k to 6 k, by meshes.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -133,16 +133,24 @@ class Collisions:
 
     def least_gap(self) -> float:
         """Least distance less the offset, m; infinite where nothing is within reach."""
-        gap = float(self.planes.gaps(self.nodes, self.shifts).min(initial=np.inf))
-        if len(self.set):
-            gap = min(gap, float(np.sqrt(self.set.compute_minimum_distance(self.mesh, self.x))) - self.offset)
+        gap = min(float(self.planes.gaps(self.nodes, self.shifts).min(initial=np.inf)), self._apart())
         return gap if gap < self.reach else np.inf
+
+    def _apart(self) -> float:
+        """Least distance less the offset of all pairs, m; infinite where there are none."""
+        if not len(self.set):
+            return np.inf
+        return float(np.sqrt(self.set.compute_minimum_distance(self.mesh, self.x))) - self.offset
+
+    def pairs(self) -> Iterator[tuple[Any, np.ndarray]]:
+        """What is within reach: each pair, and the numbers of its corners."""
+        for k in range(len(self.set)):
+            pair = self.set[k]
+            yield pair, np.array(pair.vertex_ids(self.edges, self.faces)[: pair.num_vertices()])
 
     def _cannot_meet(self, moved: Array) -> bool:
         """Whether nothing that is near can meet on a way of all corners as short as this."""
-        gap = self.reach
-        if len(self.set):
-            gap = min(gap, float(np.sqrt(self.set.compute_minimum_distance(self.mesh, self.x))) - self.offset)
+        gap = min(self.reach, self._apart())
         squares = np.einsum("ij,ij->i", moved, moved)
         # two corners of the sheet may close in on each other, those of bodies do not
         most = np.sqrt(squares[: self.count].max()), np.sqrt(squares[self.count :].max(initial=0.0))

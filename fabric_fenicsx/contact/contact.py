@@ -101,6 +101,7 @@ class Contact:
                 "start it clear of everything, or take a smaller offset."
             )
         self._barrier = Barrier(around)
+        self._pressed: tuple[Array, Array] | None = None  # all places, and pressures there
         self._friction = []
         if most.any():
             differ = np.ptp(kinetic) > 0.0 or np.ptp(most) > 0.0
@@ -136,9 +137,7 @@ class Contact:
         self._around.place()
         near, found = self._around.collisions, np.zeros(len(self.rest), dtype=bool)
         part = slice(0, 0) if isinstance(body, Plane) else self._part(body)
-        for k in range(len(near.set)):
-            pair = near.set[k]
-            nodes = np.array(pair.vertex_ids(near.edges, near.faces)[: pair.num_vertices()])
+        for _, nodes in near.pairs():
             if ((nodes >= part.start) & (nodes < part.stop)).any():
                 found[nodes[nodes < near.count]] = True
         return found
@@ -168,9 +167,12 @@ class Contact:
         Not a number at the corners of a plane: its pressure is that of the sheet on it.
         """
         self._around.place()
-        every = pressures(self._around.collisions)
+        near = self._around.collisions
+        if self._pressed is None or self._pressed[0] is not near.x:  # the sheet and each body ask for theirs
+            self._pressed = near.x, pressures(near)
+        every = self._pressed[1]
         if body is None:
-            return every[: self._around.collisions.count]
+            return every[: near.count]
         return np.full(len(body.rest), np.nan) if isinstance(body, Plane) else every[self._part(body)]
 
     def places(self, body: Body) -> Array:

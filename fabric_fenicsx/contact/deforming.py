@@ -1,6 +1,5 @@
 """Bodies that deform as they are told: a surface of triangles with the places of its corners at so many times."""
 
-import re
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Self
@@ -9,6 +8,7 @@ import numpy as np
 from scipy.interpolate import CubicHermiteSpline
 
 from ..errors import InputError
+from ..files import in_order
 from ..laws import Array
 from ..surfaces import importing
 from .bodies import Body
@@ -123,7 +123,7 @@ def _archive(path: Path) -> _Frames:
 
 
 def _folder(path: Path) -> _Frames:
-    files = sorted((file for file in path.iterdir() if file.suffix.lower() in ENDINGS), key=_in_order)
+    files = sorted((file for file in path.iterdir() if file.suffix.lower() in ENDINGS), key=in_order)
     if not files:
         raise InputError(f"The folder {str(path)!r} has no .obj or .ply file in it.")
     frames, first = [], None
@@ -153,8 +153,3 @@ def _triangles(path: Path) -> tuple[Array, np.ndarray]:
         else:
             raise InputError(f"{str(path)!r} has faces of {nodes.shape[1]} corners: save it with triangles.")
     return raw.points, np.concatenate(faces)
-
-
-def _in_order(path: Path) -> list[tuple[int, str]]:
-    """Key by which frame 10 comes after frame 9."""
-    return [(int(part), "") if part.isdigit() else (0, part) for part in re.split(r"(\d+)", path.stem)]

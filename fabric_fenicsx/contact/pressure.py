@@ -27,9 +27,7 @@ def pressures(near: Collisions) -> Array:
 
 def _of_pairs(near: Collisions) -> list[tuple[np.ndarray, Array]]:
     found = []
-    for k in range(len(near.set)):
-        pair = near.set[k]
-        nodes = np.array(pair.vertex_ids(near.edges, near.faces)[: pair.num_vertices()])
+    for pair, nodes in near.pairs():
         push = near.barrier.gradient(pair, pair.dof(near.x, near.edges, near.faces))
         found.append((nodes, push.reshape(-1, 3)))
     return found

@@ -138,9 +138,8 @@ def _fold(edges: dict[str, Array], mirrors: list[Array]) -> str | None:
         return names[0]
     if names:
         raise InputError(f"has {len(names)} edges on its mirror line")
-    x, (a, b) = np.concatenate([*edges.values()]), mirrors[0][[0, -1]]
-    ahead = (b - a) / np.linalg.norm(b - a)
-    image = 2 * (a + np.outer((x - a) @ ahead, ahead)) - x
+    x = np.concatenate([*edges.values()])
+    image = outlines.mirrored(x, *mirrors[0][[0, -1]])
     off = np.linalg.norm(image[:, None] - x[None], axis=2).min(axis=1).max()
     if off > 5e-3:
         raise InputError("has a mirror line that is no edge of it, and is not the same on both sides")

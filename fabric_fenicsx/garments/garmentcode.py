@@ -13,6 +13,7 @@ from scipy.spatial.transform import Rotation
 
 from ..errors import InputError
 from ..laws import Array
+from .outlines import area
 from .panels import Edge, Flat, Panel
 from .sewing import Seam
 
@@ -50,8 +51,7 @@ def _panel(name: str, said: dict[str, Any], unit: float) -> Panel:
     place = Rotation.from_euler("xyz", said["rotation"], degrees=True)
     shapes = {edge: _shape(points[a], points[b], unit, bend) for edge, a, b, bend in edges}
     outline = {edge: Edge(tuple(points[a].tolist()), *shapes[edge]) for edge, a, _, _ in edges}
-    x, y = points[[a for _, a, _, _ in edges]].T
-    if np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y) < 0.0:
+    if area([points[[a, b]] for _, a, b, _ in edges]) < 0.0:
         place = place * Rotation.from_rotvec([0.0, np.pi, 0.0])
         outline = {name: Edge(_over(e.start), tuple(map(_over, e.through)), e.shape) for name, e in outline.items()}
     shift = unit * np.array(said["translation"], dtype=float)

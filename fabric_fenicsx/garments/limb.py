@@ -168,8 +168,7 @@ class Limb:
 
     def joint(self, name: str, **degrees: float) -> Joint:
         """A joint in a pose."""
-        if name != self.root and name not in self.joints:
-            raise InputError(f"The {self.name} has no joint {name!r}; it has {', '.join([self.root, *self.joints])}.")
+        self._check(name)
         bend, frame = self.joints.get(name, Bend(0.0)), self._frame()
         point = np.append(0.0, self._line(np.array([bend.place]), self._angles(degrees))[0][0])
         centre, axis = point @ frame + np.array(self.origin, dtype=float), bend.sign * frame[0]
@@ -177,7 +176,7 @@ class Limb:
 
     def rates(self, name: str, **degrees: float) -> Array:
         """How far the corners of the skin go with the angle of a joint, in a pose: (n, 3), m/rad."""
-        self.joint(name)
+        self._check(name)
         at, most = degrees.get(name, dict(self.posture).get(name, 0.0)), self.joints.get(name, Bend(0.0, 360.0)).most
         low, high = max(at - STEP, -most), min(at + STEP, most)
         ends = [self.pose(**{**degrees, name: angle}) for angle in (low, high)]
@@ -190,12 +189,14 @@ class Limb:
         """
         return motion(self.name, self.pose, self.faces, times, degrees)
 
+    def _check(self, name: str) -> None:
+        if name != self.root and name not in self.joints:
+            raise InputError(f"The {self.name} has no joint {name!r}; it has {', '.join([self.root, *self.joints])}.")
+
     def _angles(self, degrees: Mapping[str, float]) -> dict[str, float]:
         """Of all joints, rad, with their signs."""
         for name, value in degrees.items():
-            if name != self.root and name not in self.joints:
-                known = ", ".join([self.root, *self.joints])
-                raise InputError(f"The {self.name} has no joint {name!r}; it has {known}.")
+            self._check(name)
             most = 360.0 if name == self.root else self.joints[name].most
             if not abs(value) <= most:
                 raise InputError(f"The {self.name} cannot bend by {value!r} degrees at its {name}; at most {most:g}.")

@@ -79,8 +79,7 @@ def middles(sheet: Sheet) -> Array:
     """Where the middles of this rank's cells are now, ghosts included, (n, 3) in m."""
     u = sheet.displacement()
     V = u.function_space
-    x = V.tabulate_dof_coordinates() if placing.of(V.mesh) is None else placing.places(V)
-    return np.asarray((x + u.x.array.reshape(-1, 3))[V.dofmap.list].mean(axis=1))
+    return np.asarray((placing.places(V) + u.x.array.reshape(-1, 3))[V.dofmap.list].mean(axis=1))
 
 
 def near(points: Array, joint: Joint, within: float) -> np.ndarray:
@@ -117,7 +116,7 @@ class Slip:
         import pyvista
 
         self._nodes, x, faces = self._touch.nodes(), self._touch.places(self._body), self._body.faces
-        surface = pyvista.PolyData(x, np.insert(faces, 0, 3, axis=1).ravel())
+        surface = pyvista.PolyData.from_regular_faces(x, faces)
         found: Any = surface.find_closest_cell(self._nodes, return_closest_point=True)
         cells, closest = (np.asarray(part) for part in found)
         self.touching = self._touch.touching(self._body)

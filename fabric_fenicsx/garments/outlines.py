@@ -120,14 +120,19 @@ def unfolded(edges: dict[str, Array], fold: str) -> dict[str, Array]:
         raise InputError("has one edge besides its mirror line: split it at a turn point")
 
     def image(x: Array) -> Array:
-        ahead = (b - a) / np.linalg.norm(b - a)
-        return np.asarray(2 * (a + np.outer((x - a) @ ahead, ahead)) - x)[::-1]
+        return mirrored(x, a, b)[::-1]
 
     first, last = names[0], names[-1]
     whole = {first: np.concatenate([image(edges[first])[:-1], edges[first]])}
     whole |= {name: edges[name] for name in names[1:-1]}
     whole[last] = np.concatenate([edges[last], image(edges[last])[1:]])
     return whole | {f"{name}-mirrored": image(edges[name]) for name in names[-2:0:-1]}
+
+
+def mirrored(x: Array, a: Array, b: Array) -> Array:
+    """Points (n, 2) on the other side of the line through a and b."""
+    ahead = (b - a) / np.linalg.norm(b - a)
+    return np.asarray(2 * (a + np.outer((x - a) @ ahead, ahead)) - x)
 
 
 def on_line(edges: dict[str, Array], line: Array) -> list[str]:

@@ -11,6 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from ..errors import InputError
 from ..laws import Array
+from .outlines import area
 
 type Point = Sequence[float]
 type Shape = Literal["line", "arc", "spline", "bezier", "points"]
@@ -135,9 +136,7 @@ class Panel:
     def __post_init__(self) -> None:
         if len(self.outline) < 2:
             raise InputError(f"The outline of the panel {self.name!r} needs two edges at least.")
-        x, y = np.concatenate([curve[:-1] for curve in self.curves().values()]).T
-        area = 0.5 * float(np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y))
-        if not area > 0.0:
+        if not area([*self.curves().values()]) > 0.0:
             raise InputError(f"The outline of the panel {self.name!r} must go round anticlockwise; turn its order.")
         if self.regular and len(self.outline) != 4:
             raise InputError(f"The panel {self.name!r} has {len(self.outline)} edges, and regular cells need four.")

@@ -96,20 +96,19 @@ def loading(specimens: Sequence[Readings]) -> Loading:
     scores = [n * np.log(max(rss, 1e-300) / n) + len(c) * np.log(n) for c, rss, _ in fits]
     c, rss, held = fits[int(np.argmin(scores))]
     terms = len(c)
-    P = powers(np.linspace(0, 1, 51), terms)
     if len(parts) > 1:
         alone = np.array([_constrained(x, y, np.ones(len(x)), terms)[0] for x, y in parts])
         covariance = np.cov(alone.T) / len(parts)
     else:
         A = powers(x, terms)
         covariance = np.linalg.inv(A.T @ A) * rss / max(n - terms, 1)
-    to_pa, top = scale / limit ** np.arange(1, terms + 1), float(P[-1] @ c)
+    to_pa, top = scale / limit ** np.arange(1, terms + 1), float(powers(np.array(1.0), terms) @ c)
     return Loading(
         modulus=tuple(map(float, c * to_pa)),
         errors=tuple(map(float, np.sqrt(np.diag(covariance)) * to_pa)),
         limit=limit,
         residual=float(np.sqrt(rss / n)) / top,
-        spread=float(np.sqrt(np.einsum("ij,jk,ik->i", P, covariance, P).max())) / top,
+        spread=spread(c, covariance, 1.0),
         held=held,
     )
 
@@ -118,6 +117,18 @@ def powers(x: Array, terms: int) -> Array:
     """Columns x, x^2/2, ... that the coefficients of the modulus multiply."""
     k = np.arange(1, terms + 1)
     return x[..., None] ** k / k
+
+
+def spread(c: Array, covariance: Array, limit: float) -> float:
+    """Largest standard error of the stress up to a strain, over the stress there; c (n,): coefficients of a modulus."""
+    P = powers(np.linspace(0, limit, 51), len(c))
+    return float(np.sqrt(np.einsum("ij,jk,ik->i", P, covariance, P).max())) / float(P[-1] @ c)
+
+
+def from_nodes(count: int, limit: float) -> Array:
+    """Takes moduli at so many strains, evenly from 0 to the limit, to the coefficients of ascending powers, (n, n)."""
+    inverse = np.linalg.inv(np.vander(np.linspace(0, 1, count), increasing=True))
+    return np.asarray(inverse / limit ** np.arange(count)[:, None])
 
 
 def offset(strain: Array, force: Array) -> float:

@@ -6,7 +6,7 @@ says nothing of what is returned) stays where it is assumed, `ASSUMED`, and is s
 stands unless friction describes the record better than it by more than chance.
 """
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -14,7 +14,7 @@ from scipy.optimize import least_squares
 
 from ..errors import InputError
 from ..fabrics import Curve, ShearFriction
-from ..fabrics.friction import BELOW
+from ..fabrics.friction import BELOW, NAMES
 from ..laws import Array, play
 from ..laws.elements import follow_shear, pack
 from . import curves
@@ -56,9 +56,6 @@ class Cycles:
     records: list[tuple[Array, Array]]  # 2 E12 and S12 (Pa), thinned
     theta: Array  # logarithm of the unloading modulus (Pa, of 2 E12), and the numbers as `numbers` takes them
     peak: float  # Pa
-
-
-NAMES = tuple(field.name for field in fields(ShearFriction))
 
 
 def numbers(theta: Array, peak: float) -> ShearFriction:
@@ -125,10 +122,10 @@ class _Fit:
         D = start.tangent(np.linspace(0, start.limit, NODES)) / 2
         self.start = start
         self.logs = np.log(np.maximum(D, 0.05 * np.abs(D).mean()))
-        self.inverse = np.linalg.inv(np.vander(np.linspace(0, 1, NODES), increasing=True))
+        self.to_modulus = curves.from_nodes(NODES, self.limit)
 
     def curve(self, theta: Array) -> Curve:
-        c = self.inverse @ np.exp(theta[:NODES]) / self.limit ** np.arange(NODES)
+        c = self.to_modulus @ np.exp(theta[:NODES])
         return Curve(tuple(map(float, c)), float(np.exp(theta[NODES])), self.limit)
 
     def packed(self, theta: Array) -> tuple[tuple[float, ...], float]:
@@ -177,13 +174,11 @@ class _Fit:
         curve, _ = stiffened(self.curve(theta), friction)
         K = curve.unloading
         c = 2.0 ** np.arange(1, NODES + 1) * np.array(curve.modulus)
-        M = (self.inverse * np.exp(theta[:NODES])) / self.limit ** np.arange(NODES)[:, None]
-        M = M * 2.0 ** np.arange(1, NODES + 1)[:, None]
-        P = curves.powers(np.linspace(0, self.limit / 2, 51), NODES)
+        M = self.to_modulus * np.exp(theta[:NODES]) * 2.0 ** np.arange(1, NODES + 1)[:, None]
         covariance = M @ C[:NODES, :NODES] @ M.T
         loading = Loading(
             tuple(map(float, c)), tuple(map(float, np.sqrt(np.diag(covariance)))), self.limit / 2, rms,
-            float(np.sqrt(np.einsum("ij,jk,ik->i", P, covariance, P).max())) / float(P[-1] @ c), False,
+            curves.spread(c, covariance, self.limit / 2), False,
         )  # fmt: skip
         named = dict(zip(NAMES, map(float, errors[NODES + 1 :]), strict=True))
         untold = [name for name in NAMES if named[name] > UNTOLD * ASSUMED[name][1]]

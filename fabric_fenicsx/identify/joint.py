@@ -120,15 +120,9 @@ class _Fit:
         ends = np.cumsum([*(self.terms[way] for way in WAYS), len(self.photographed), 2])
         return dict(zip((*WAYS, "nu", "transverse", "cycles"), np.split(theta, ends), strict=True))
 
-    def _to_modulus(self, way: str) -> Array:
-        """From moduli at the nodes to coefficients of ascending powers of the strain."""
-        n = self.terms[way]
-        inverse = np.linalg.inv(np.vander(np.linspace(0, 1, n), increasing=True))
-        return np.asarray(inverse / self.limits[way] ** np.arange(n)[:, None])
-
     def _moduli(self, way: str, parts: dict[str, Array]) -> tuple[Array, Array]:
         """Coefficients of a curve, and its modulus at `PLACES`."""
-        c = self._to_modulus(way) @ np.exp(parts[way])
+        c = curves.from_nodes(self.terms[way], self.limits[way]) @ np.exp(parts[way])
         return c, np.asarray(np.vander(np.linspace(0, self.limits[way], PLACES), len(c), increasing=True) @ c)
 
     def _trial(self, theta: Array) -> Trial:
@@ -250,14 +244,13 @@ class _Fit:
         new = {}
         for way in WAYS:
             old, index = found.curves[way], places[way]
-            M = self._to_modulus(way) * np.exp(parts[way])
+            M = curves.from_nodes(self.terms[way], self.limits[way]) * np.exp(parts[way])
             C, c = M @ spread[np.ix_(index, index)] @ M.T, M.sum(axis=1)
-            P = curves.powers(np.linspace(0, self.limits[way], 51), len(c))
-            top = float(P[-1] @ c)
+            top = float(curves.powers(np.array(self.limits[way]), len(c)) @ c)
             fitted = replace(
                 old.loading, limit=self.limits[way], modulus=tuple(map(float, c)),
                 errors=tuple(map(float, np.sqrt(np.diag(C)))),
-                spread=float(np.sqrt(np.einsum("ij,jk,ik->i", P, C, P).max())) / top,
+                spread=curves.spread(c, C, self.limits[way]),
             )  # fmt: skip
             misses = [r.stress - old.friction - fitted.stress(r.strain) for r in old.readings]
             miss = float(np.sqrt(np.mean([np.mean(m**2) for m in misses]))) / top if misses else 0.0

@@ -20,7 +20,7 @@ law with a potential, by which tension along one yarn stiffens the cloth along t
 """
 
 import re
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -169,7 +169,7 @@ def load(
             S = curves.piola_kirchhoff(record.force, record.displacement, strip.gauge_length, strip.area)
             out.append(Readings(record.file, E[part.virgin], S[part.virgin]))
             seen.append(record)
-    return StripTest(test.files, test.angle, strip, test.ends, test.held_out, out), seen
+    return replace(test, readings=out), seen
 
 
 def load_biaxial(test: BiaxialTest, thickness: float) -> BiaxialTest:
@@ -195,7 +195,7 @@ def load_biaxial(test: BiaxialTest, thickness: float) -> BiaxialTest:
         first, second = (Readings(table.file, E[:, i], S[:, i]) if told[i] else None for i in range(2))
         readings.append((first, second))
         strains.append(E)
-    return BiaxialTest(test.files, test.drawn, test.length, test.width, test.held_out, readings, strains)
+    return replace(test, readings=readings, strains=strains)
 
 
 def _columns(table: Table, test: BiaxialTest, thickness: float) -> tuple[Array, Array]:

@@ -4,7 +4,6 @@ glTF 2.0 (one .glb file), OBJ (a file for each step), PC2 point caches (with an 
 are m and s; colours are those of pictures, at corners.
 """
 
-import importlib.util
 import json
 import struct
 from collections.abc import Callable
@@ -19,14 +18,8 @@ from ..errors import InputError
 from ..laws import Array
 from . import pictures
 from .series import Series
+from .solids import TRIANGLES
 
-TRIANGLES = {
-    5: ((0, 1, 2),),
-    9: ((0, 1, 2), (0, 2, 3)),
-    22: ((0, 3, 5), (3, 1, 4), (5, 4, 2), (3, 4, 5)),
-    28: ((0, 4, 8), (0, 8, 7), (4, 1, 5), (4, 5, 8), (8, 5, 2), (8, 2, 6), (7, 8, 6), (7, 6, 3)),
-}
-"""Kind of cell, as VTK numbers it -> the triangles between its nodes."""
 GREY = (0.79, 0.8, 0.82)
 
 
@@ -200,12 +193,18 @@ def pc2(scene: Moving, path: Path) -> None:
         files.replace(path / f"{thing.name}.obj", _obj([Thing(thing.name, thing.faces, thing.places[:1])], 0))
 
 
-def usd(scene: Moving, path: Path) -> None:
-    """One .usdc file, with time samples of points and colours; its time codes are milliseconds."""
+def _pxr() -> tuple[Any, ...]:
+    """Gf, Usd, UsdGeom and Vt of usd-core."""
     try:
         from pxr import Gf, Usd, UsdGeom, Vt
     except ImportError as error:
         raise InputError("USD needs usd-core: pip install 'fabric_fenicsx[usd]', or pip install usd-core.") from error
+    return Gf, Usd, UsdGeom, Vt
+
+
+def usd(scene: Moving, path: Path) -> None:
+    """One .usdc file, with time samples of points and colours; its time codes are milliseconds."""
+    Gf, Usd, UsdGeom, Vt = _pxr()
     with files.whole(path) as rough:
         stage = Usd.Stage.CreateNew(str(rough))
         UsdGeom.SetStageUpAxis(stage, UsdGeom.Tokens.z)
@@ -244,8 +243,8 @@ KINDS: dict[str, tuple[str, Callable[[Moving, Path], None]]] = {
 
 def export(series: Series, kind: str, path: Path, colour: str = "yarn") -> list[int]:
     """Write all steps of a run, see `KINDS`; the numbers of those that cannot be read, which are left out."""
-    if kind == "usd" and importlib.util.find_spec("pxr") is None:
-        usd(Moving(np.zeros(1), []), path)
+    if kind == "usd":
+        _pxr()  # before all steps are read
     scene, broken = load(series, colour)
     KINDS[kind][1](scene, path)
     return broken

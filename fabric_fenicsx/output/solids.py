@@ -8,6 +8,14 @@ import numpy as np
 from ..laws import Array
 from .showing import Touching
 
+TRIANGLES = {
+    5: ((0, 1, 2),),
+    9: ((0, 1, 2), (0, 2, 3)),
+    22: ((0, 3, 5), (3, 1, 4), (5, 4, 2), (3, 4, 5)),
+    28: ((0, 4, 8), (0, 8, 7), (4, 1, 5), (4, 5, 8), (8, 5, 2), (8, 2, 6), (7, 8, 6), (7, 6, 3)),
+}
+"""Kind of cell, as VTK numbers it -> the triangles between its nodes."""
+
 
 @dataclass
 class Solid:
@@ -32,7 +40,7 @@ def add(plotter: Any, x: Array, faces: np.ndarray) -> None:
     """Draw a body in grey, sharp edges as lines."""
     import pyvista
 
-    body = pyvista.PolyData(x, np.insert(faces, 0, 3, axis=1).ravel())
+    body = pyvista.PolyData.from_regular_faces(x, faces)
     actor = plotter.add_mesh(
         body, color="#c9ccd2", smooth_shading=True, split_sharp_edges=True, ambient=0.3, diffuse=0.7, specular=0.1
     )
@@ -51,8 +59,7 @@ def as_touched(grid: Any) -> Any:
     import pyvista
 
     corners = grid.cells.reshape(-1, 5)[:, 1:]
-    faces = np.insert(corners[:, [0, 1, 2, 0, 2, 3]].reshape(-1, 3), 0, 3, axis=1)
-    surface = pyvista.PolyData(grid.points, faces.ravel())
+    surface = pyvista.PolyData.from_regular_faces(grid.points, corners[:, np.array(TRIANGLES[9])].reshape(-1, 3))
     for name, values in grid.cell_data.items():
         surface.cell_data[name] = np.repeat(values, 2, axis=0)
     return surface

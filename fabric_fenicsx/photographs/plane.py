@@ -36,7 +36,8 @@ class Plane:
         """Places (..., 2) of pixels (..., 2)."""
         if self.homography is None:
             return np.asarray(pixels * np.array([self.scale, -self.scale]))
-        return _plane(pixels, self.middle, self.distortion, self.homography)
+        pixels = np.asarray(pixels, dtype=np.float64)
+        return _mapped(pixels, self.middle, self.distortion, self.homography)
 
 
 def bar(ends: tuple[float, float, float, float], millimetres: float) -> Plane:
@@ -114,10 +115,6 @@ def _mapped(pixels: Array, middle: tuple[float, float], k: Array | tuple[float, 
     x = middle + (pixels - middle) * (1 + k[0] * r2 + k[1] * r2**2)
     homogeneous = np.concatenate([x, np.ones_like(x[..., :1])], axis=-1) @ H.T
     return np.asarray(homogeneous[..., :2] / homogeneous[..., 2:])
-
-
-def _plane(pixels: Array, middle: tuple[float, float], k: tuple[float, float], H: Array) -> Array:
-    return _mapped(np.asarray(pixels, dtype=np.float64), middle, k, H)
 
 
 def _slope(middle: tuple[float, float], k: tuple[float, float], H: Array) -> Array:

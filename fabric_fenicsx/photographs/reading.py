@@ -1,6 +1,5 @@
 """Photographs as numbers: how light each pixel is."""
 
-import re
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -8,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import InputError
+from ..files import in_order
 from ..laws import Array
 
 MISSING = "Photographs need OpenCV: pip install 'fabric_fenicsx[photos]', or pip install opencv-python-headless."
@@ -34,11 +34,7 @@ def series(paths: Sequence[str | Path]) -> list[Path]:
     twice = next((file for file in files if files.count(file) > 1), None)
     if twice:
         raise InputError(f"{twice}: is given twice; a photograph is one moment, so leave one out.")
-    return sorted(files, key=_natural)
-
-
-def _natural(path: Path) -> list[tuple[int, int, str]]:
-    return [(0, int(part), "") if part.isdigit() else (1, 0, part) for part in re.split(r"(\d+)", path.name) if part]
+    return sorted(files, key=in_order)
 
 
 def light(path: str | Path, size: tuple[int, int] | None = None) -> Array:

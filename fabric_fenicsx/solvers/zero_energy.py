@@ -6,6 +6,7 @@ import numpy as np
 from mpi4py import MPI
 from petsc4py import PETSc
 
+from ..surfaces import placing
 from .pivots import uneven
 
 AXES = ("x", "y", "z")
@@ -37,7 +38,7 @@ def named(solver: Any) -> str:
     space, dofs = (W, np.arange(len(y.x.array))) if solver._shell is None else W.sub(0).collapse()
     dofs = np.array(dofs).reshape(-1, n)
     here = dofs[:, 0] < owned
-    moved, places = np.abs(x.array_r[dofs[here]]), space.tabulate_dof_coordinates()[here, :n]
+    moved, places = np.abs(x.array_r[dofs[here]]), placing.places(space)[here, :n]
     k = int(moved.max(axis=1).argmax()) if len(moved) else -1
     mine = (float(moved[k].max()), int(moved[k].argmax()), places[k].tolist()) if k >= 0 else (0.0, 0, [])
     most, axis, place = max(solver.comm.allgather(mine))

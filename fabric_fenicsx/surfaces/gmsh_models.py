@@ -1,6 +1,8 @@
 """Surfaces from gmsh: its own `.geo` and `.msh` files, those of others that it reads, and models of its API."""
 
 import re
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -17,6 +19,17 @@ from .preparing import completed, decoded
 
 SUFFIXES = {".med", ".unv", ".bdf", ".nas"}
 """Of files of other programs that gmsh reads."""
+
+
+@contextmanager
+def session() -> Iterator[None]:
+    """gmsh, silent, with nothing in it; what is made in it ends with it."""
+    gmsh.initialize(readConfigFiles=False, interruptible=False)
+    try:
+        gmsh.option.setNumber("General.Terminal", 0)
+        yield
+    finally:
+        gmsh.finalize()
 
 
 def opened(path: Path, numbers: dict[str, float], trust: bool) -> None:

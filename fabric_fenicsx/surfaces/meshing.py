@@ -178,9 +178,7 @@ def _by_gmsh(
     build: Callable[[], None], path: Path, foreign: bool, prepare: Callable[[grouping.Raw], preparing.Sheet]
 ) -> preparing.Sheet:
     """What `build` leaves in gmsh; prepared."""
-    gmsh.initialize(readConfigFiles=False, interruptible=False)
-    try:
-        gmsh.option.setNumber("General.Terminal", 0)
+    with gmsh_models.session():
         gmsh.clear()
         gmsh.parser.clear()
         try:
@@ -190,8 +188,6 @@ def _by_gmsh(
         except Exception as error:
             raise InputError(f"gmsh could not build the mesh: {error}.") from error
         return prepare(gmsh_models.model(path, foreign))
-    finally:
-        gmsh.finalize()
 
 
 def _on_root[T](comm: MPI.Comm, make: Callable[[], T]) -> T | None:

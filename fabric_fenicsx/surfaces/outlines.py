@@ -8,6 +8,7 @@ import numpy as np
 
 from ..errors import InputError
 from .checking import Array
+from .gmsh_models import session
 
 type Kind = Literal["quadrilateral", "triangle"]
 
@@ -23,21 +24,16 @@ def fill(edges: Sequence[Array], kind: Kind, regular: bool) -> tuple[Array, np.n
 
     Raises InputError where gmsh cannot fill it.
     """
-    gmsh.initialize(readConfigFiles=False, interruptible=False)
-    try:
-        for name, value in (
-            ("General.Terminal", 0), ("Mesh.Algorithm", 8 if kind == "quadrilateral" else 6),
-            # blossom alone leaves some triangles
-            ("Mesh.RecombinationAlgorithm", 3), ("Mesh.MeshSizeFromPoints", 0),
-        ):  # fmt: skip
-            gmsh.option.setNumber(name, value)
-        return _filled(edges, kind, regular)
-    except InputError:
-        raise
-    except Exception as error:
-        raise InputError(f"gmsh cannot fill the outline: {str(error).strip().rstrip('.')}.") from error
-    finally:
-        gmsh.finalize()
+    with session():
+        gmsh.option.setNumber("Mesh.Algorithm", 8 if kind == "quadrilateral" else 6)
+        gmsh.option.setNumber("Mesh.RecombinationAlgorithm", 3)  # blossom alone leaves some triangles
+        gmsh.option.setNumber("Mesh.MeshSizeFromPoints", 0)
+        try:
+            return _filled(edges, kind, regular)
+        except InputError:
+            raise
+        except Exception as error:
+            raise InputError(f"gmsh cannot fill the outline: {str(error).strip().rstrip('.')}.") from error
 
 
 def _filled(edges: Sequence[Array], kind: Kind, regular: bool) -> tuple[Array, np.ndarray, list[np.ndarray]]:
