@@ -18,6 +18,7 @@ from pathlib import Path
 
 import moving
 import numpy as np
+import touching
 import ufl
 
 from fabric_fenicsx import fabrics, plots
@@ -77,7 +78,7 @@ def judge(table, run, weighs, args):
     command.say(f"lowest point {1e3 * lowest:.1f} mm, rebound {rebound:.3f}, least gap {1e3 * gap:.3f} mm")
     command.say(f"momentum differs from the impulse of supports and weight by {100 * miss:.3f} % of its change at most")
     command.say(f"of {run.ledger.most:.3g} J of external work the law has taken {run.ledger.totals['by_law']:.3g} J")
-    good = gap > 0.0 and not table.column("crossed").any() and speed[-1] > 0.0 and miss < 5e-3 and imbalance <= 1.0
+    good = touching.clear(table) and speed[-1] > 0.0 and miss < 5e-3 and imbalance <= 1.0
     return rebound, lowest, imbalance, good
 
 

@@ -95,6 +95,16 @@ class Cloth:
         return self.sheet(domain, (np.cos(WAYS[way]), np.sin(WAYS[way]), 0.0))
 
 
+def lowering(g, over):
+    """What brings the weight, a Constant acceleration g, in so many s, as if the cloth was lowered."""
+
+    def set_load(t):
+        part = min(t / over, 1.0)
+        g.value[2] = -GRAVITY * part**2 * (3 - 2 * part)
+
+    return set_load
+
+
 def height(cloth):
     """Mean height of each local cell, mm."""
     u = cloth.displacement()

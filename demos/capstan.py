@@ -20,6 +20,7 @@ from mpi4py import MPI  # isort: skip  (first, as in every DOLFINx script: it lo
 import argparse
 from pathlib import Path
 
+import moving
 import numpy as np
 import touching
 import ufl
@@ -62,11 +63,11 @@ class Strip:
     """A strip along a path over a cylinder, in the plane y = 0 to its width, and what holds it there."""
 
     def __init__(self, args, turns, radius, gap, friction, stiffness):
-        length, numbers = sum(length for length, _ in turns), touching.cells(args.element)
-        self.domain = domain = meshing.read(
-            meshing.MESHES / "strip.geo", length=length, width=WIDTH, nx=args.cells, ny=1, **numbers
+        length = sum(length for length, _ in turns)
+        self.domain = domain = moving.read(
+            meshing.MESHES / "strip.geo", args.element, MPI.COMM_WORLD, length=length, width=WIDTH, nx=args.cells, ny=1
         )
-        x, self.length = touching.nodes(domain), length
+        x, self.length = domain.mesh.geometry.x, length
         flat = path(x[:, 0], turns)
         x[:] = np.column_stack([flat[:, 0], x[:, 1], flat[:, 1]])
         self.ends = path(np.array([0.0, length]), turns)

@@ -17,6 +17,7 @@ import time
 from pathlib import Path
 
 import bent
+import moving
 import numpy as np
 import touching
 from dolfinx import fem
@@ -28,7 +29,6 @@ from fabric_fenicsx.errors import InputError
 from fabric_fenicsx.output import pictures, results
 from fabric_fenicsx.output.recording import Recorder
 from fabric_fenicsx.output.solids import drawn
-from fabric_fenicsx.shell import directors
 from fabric_fenicsx.surfaces import meshing
 from fabric_fenicsx.terms import supports
 
@@ -43,18 +43,12 @@ FOLD = 0.003  # m, by which a fold sticks out at least
 def ring(args, seed):
     """The free part of the specimen, waved; with contact, all around the pin."""
     inner = PIN if args.contact else DISC
-    kind = directors.ELEMENTS[args.element][0]
-    domain = meshing.read(
-        meshing.MESHES / "ring.geo", inner=inner, outer=SPECIMEN, triangles=int(kind == "triangle"),
+    domain = moving.read(
+        meshing.MESHES / "ring.geo", args.element, MPI.COMM_WORLD, inner=inner, outer=SPECIMEN,
         nx=max(1, round((SPECIMEN - inner) / (1e-3 * args.cell))),
         ny=max(1, round(np.pi * (SPECIMEN + DISC) / 4 / (1e-3 * args.cell))),
     )  # fmt: skip
-    x, rng = domain.mesh.geometry.x, np.random.default_rng(seed)
-    part = np.maximum(np.hypot(x[:, 0], x[:, 1]) - DISC, 0.0) / (SPECIMEN - DISC)
-    angle = np.arctan2(x[:, 1], x[:, 0])
-    height, phase = rng.normal(size=WAVES), rng.uniform(0, 2 * np.pi, WAVES)
-    waves = sum(h * np.cos((k + 1) * angle + p) for k, (h, p) in enumerate(zip(height, phase, strict=True)))
-    x[:, 2] += 1e-3 * args.imperfection * part**2 * waves / np.sqrt(WAVES / 2)
+    touching.wave(domain, DISC, SPECIMEN, 1e-3 * args.imperfection, seed, WAVES)
     return domain
 
 
@@ -107,18 +101,14 @@ def drape(args, material, seed, out):
     """Run one seed to the end: outline on rank 0, coefficients over time, the ledger, the sheet and its contact."""
     cloth = material.sheet(ring(args, seed), (1.0, 0.0, 0.0))
     g = fem.Constant(cloth.domain.mesh, (0.0, 0.0, 0.0))
-
-    def set_load(t):
-        part = min(t / LOWERED, 1.0)
-        g.value[2] = -bent.GRAVITY * part**2 * (3 - 2 * part)
-
     weight, bcs = cloth.weight(material.mass, g), supports.clamp(cloth.domain, cloth.space, "inner")
     touch = between(cloth, material.fabric.thickness, args)
     loads = weight if touch is None else [weight, *touch.terms]
     # full steps: cloth that does not stretch needs 5 iterations a step so, 11 with a search along each correction
     options = {"snes_linesearch_type": "basic"}
     run, ledger = cloth.newmark(
-        material.mass, bcs, loads, args.rho, args.damping, set_load=set_load, rtol=1e-3, options=options
+        material.mass, bcs, loads, args.rho, args.damping, set_load=bent.lowering(g, LOWERED), rtol=1e-3,
+        options=options,
     )  # fmt: skip
 
     def probes(step):

@@ -43,6 +43,7 @@ import numpy as np
 from fabric_fenicsx import fabrics
 from fabric_fenicsx.app import command
 from fabric_fenicsx.identify import loops
+from fabric_fenicsx.identify.bending import KES_2HB, KES_B
 
 DEMOS = Path(__file__).resolve().parent
 args = command.script(__doc__.split("\n")[0], "out/kes_to_drape", cell=10.0, end=1.0)
@@ -91,7 +92,7 @@ K = np.concatenate([reach[100:], reach[-2::-1], reach[1:]])
 for way, (B, width) in sheet.items():
     curve = getattr(fabric.bending, way)
     read = loops.read_loop(K, loops.moments(K, curve, curve, fabric.bending.friction_per_m, True))
-    again = read[0] / 9.80665e-5, read[1] / 9.80665e-3
+    again = read[0] / KES_B, read[1] / KES_2HB
     command.say(f"{way}: B {again[0]:.4f} gf cm2/cm, 2HB {again[1]:.4f} gf cm/cm; the sheet has {B:g} and {width:g}")
     good &= abs(again[0] / B - 1) < 0.005 and abs(again[1] / width - 1) < 0.005
 

@@ -36,8 +36,7 @@ def stack(path, args):
         c, d = np.cos(angle), np.sin(angle)
         x += [(c * a - d * b, d * a + c * b, 1e-3 * args.apart * k) for b in s for a in s]
         faces += [[first + j * (n + 1) + i + e for e in (0, 1, n + 2, n + 1)] for j in range(n) for i in range(n)]
-    lines = [f"v {a:.12g} {b:.12g} {c:.12g}" for a, b, c in x]
-    path.write_text("\n".join(lines + [" ".join(map(str, ["f", *(1 + np.array(face))])) for face in faces]) + "\n")
+    touching.obj(path, x, faces)
 
 
 def scene(args, out, comm=MPI.COMM_WORLD):

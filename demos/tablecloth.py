@@ -37,25 +37,26 @@ def scene(args, comm=MPI.COMM_WORLD):
     """The cloth on the table, without weight, and what lowers it."""
     material = bent.Cloth(args)
     material.say()
-    numbers = {"side": SIDE, "n": args.cells, "a": SIDE / args.cells} | touching.cells(args.element)
-    domain = meshing.read(meshing.MESHES / "drape.geo", comm, **numbers)
-    touching.nodes(domain)[:, :2] -= SIDE / 2
+    mesh = meshing.MESHES / "drape.geo"
+    domain = moving.read(mesh, args.element, comm, side=SIDE, n=args.cells, a=SIDE / args.cells)
+    domain.mesh.geometry.x[:, :2] -= SIDE / 2
     touching.wave(domain, args.radius, SIDE / np.sqrt(2), 1e-3 * args.imperfection, args.seed)
     cloth = material.sheet(domain)
     thickness = material.fabric.thickness
     top = -1.5 * thickness
     table = bodies.Cylinder(args.radius, 0.04, (0, 0, top - 0.02), cells=args.around, name="table")
     g = fem.Constant(domain.mesh, (0.0, 0.0, 0.0))
-
-    def set_load(t):
-        part = min(t / LOWERED, 1.0)
-        g.value[2] = -bent.GRAVITY * part**2 * (3 - 2 * part)
-
     stiffness = material.mass * bent.GRAVITY * SIDE**2 / (np.pi * args.radius**2)
     touch = Contact(cloth, [table], friction=args.friction, reach=thickness, stiffness=10 * stiffness, creep=1e-4)
     weight = cloth.weight(material.mass, g)
     run, ledger = cloth.newmark(
-        material.mass, [], [weight, *touch.terms], args.rho, args.damping, set_load=set_load, rtol=args.rtol
+        material.mass,
+        [],
+        [weight, *touch.terms],
+        args.rho,
+        args.damping,
+        set_load=bent.lowering(g, LOWERED),
+        rtol=args.rtol,
     )
     probes = {"corners_z_m": moving.value_at(cloth, 2, "corners"), "crossed": touch.crossed}
     made_with = {k: v for k, v in vars(args).items() if k not in ("out", "end", "resume", "animation")}

@@ -4,22 +4,12 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as some
+from solids import crossed, volume
 
 from fabric_fenicsx.errors import InputError
 from fabric_fenicsx.garments.hips import FILLET, hips
 
 MAN = hips(size=15e-3)
-
-
-def volume(x, faces):
-    a, b, c = x[faces].transpose(1, 0, 2)
-    return np.einsum("ij,ij", a, np.cross(b, c)) / 6
-
-
-def crossed(x, faces):
-    ipctk = pytest.importorskip("ipctk")
-    faces, x = np.asfortranarray(faces), np.asfortranarray(x)
-    return ipctk.has_intersections(ipctk.CollisionMesh(x, ipctk.edges(faces), faces), x, ipctk.LBVH())
 
 
 @pytest.mark.parametrize("of", ["man", "woman"])

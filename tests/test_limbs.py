@@ -5,6 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as some
 from scipy.spatial.transform import Rotation
+from solids import crossed, volume
 
 from fabric_fenicsx.errors import InputError
 from fabric_fenicsx.garments import limbs
@@ -12,17 +13,6 @@ from fabric_fenicsx.garments.limb import FILLET, TURN, Bend, Limb
 
 ARM = limbs.arm(size=12e-3)
 LEG = limbs.leg(size=16e-3)
-
-
-def volume(x, faces):
-    a, b, c = x[faces].transpose(1, 0, 2)
-    return np.einsum("ij,ij", a, np.cross(b, c)) / 6
-
-
-def crossed(x, faces):
-    ipctk = pytest.importorskip("ipctk")
-    faces, x = np.asfortranarray(faces), np.asfortranarray(x)
-    return ipctk.has_intersections(ipctk.CollisionMesh(x, ipctk.edges(faces), faces), x, ipctk.LBVH())
 
 
 @pytest.mark.parametrize("limb", [limbs.arm(), limbs.arm("woman"), limbs.leg(), limbs.leg("woman")])

@@ -67,12 +67,6 @@ def squares(n, m):
     return np.stack([i, i + m, i + m + 1, i + 1], axis=1)
 
 
-def obj(path, grid, cells):
-    """Write a mesh as an .obj file."""
-    lines = [f"v {a:.12g} {b:.12g} {c:.12g}" for a, b, c in grid]
-    path.write_text("\n".join(lines + [" ".join(map(str, ["f", *(1 + cell)])) for cell in cells]) + "\n")
-
-
 def around(rng, grid, clear):
     """Bodies below a sheet, which all end `clear` below its lowest place."""
     found, (x, y, low), (across, side, _) = [], grid.min(axis=0), np.ptp(grid, axis=0)
@@ -117,7 +111,8 @@ class Scene:
         friction = float(rng.choice([0.0, 0.2, 0.5]))
         grid, quads = pieces(kind, side, cells, 2.5 * h)
         triangles = rng.random() < 0.25
-        obj(folder / "sheet.obj", grid, np.concatenate([quads[:, :3], quads[:, [0, 2, 3]]]) if triangles else quads)
+        faces = np.concatenate([quads[:, :3], quads[:, [0, 2, 3]]]) if triangles else quads
+        touching.obj(folder / "sheet.obj", grid, faces)
         E = 10 ** rng.uniform(6.0, 8.0)
         domain, shear = meshing.read(folder / "sheet.obj", COMM), (E / 2.5, E / 2.5)
         law = StVenantKirchhoff.isotropic(E, 0.25)
