@@ -88,9 +88,12 @@ if COMM.size > 1:
         return True
 
     def pytest_runtest_teardown(item):
-        """Free PETSc objects on all ranks at the same place, because that is collective; what lives on, lives on."""
+        """Free PETSc objects on all ranks at the same place, because that is collective.
+
+        Nothing is frozen here: what still lives may be garbage after the next test, and hold a communicator, of which
+        MPI has some two thousand.
+        """
         gc.collect()
-        gc.freeze()
 
     @pytest.hookimpl(wrapper=True)
     def pytest_runtest_makereport(item, call):
