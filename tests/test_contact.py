@@ -184,6 +184,18 @@ def test_a_sheet_never_passes_through_a_ball_or_a_corner(speed, step, radius, at
         assert touch.least_gap() > 0.0 and not touch.crossed()
 
 
+@pytest.mark.parametrize("rho, a, dt", [(0.0, 10.0, 2e-2), (0.5, 60.0, 1e-2)])
+def test_damping_bears_nothing_of_a_sheet_at_rest(rho, a, dt):
+    cloth = square(cells=2)
+    touch = Contact(cloth, [bodies.Plane(point=(0, 0, -H - 1e-3))], itself=False, reach=2e-3, stiffness=M * G)
+    weight = cloth.weight(M, ufl.as_vector((0.0, 0.0, -G)))
+    drag = fem.Constant(cloth.domain.mesh, -0.5 * a * M) * ufl.inner(cloth.velocity, cloth.v) * cloth.dx
+    run, ledger = cloth.newmark(M, [], [weight, drag, *touch.terms], rho, damping=0.5 * a, rtol=1e-9)
+    found = [touch.force(touch.bodies[0])[2] for _ in run.march(40 * dt, dt)]
+    assert found[-1] == pytest.approx(-M * SIDE**2 * G, rel=1e-6)
+    assert abs(ledger.totals["imbalance"]) < 1e-3 * ledger.most
+
+
 def test_a_strip_lifted_off_a_plane_weighs_as_in_theory():
     """l = (24 D d/q)^(1/4), and half the weight of this length lifts, for small slopes and a hard plane."""
     length, width, E = 1.0, 0.05, 4e9

@@ -33,7 +33,7 @@ class MovingSolver(StaticSolver):
     ) -> None:
         self.motion, self.rate, self._inertia = motion, (motion.velocity, motion.rate), Mass(motion)
         terms = [*terms_of(residual, motion.q, self.rate), self._inertia]
-        self.impulses = motion.impulses
+        self.impulses, motion.impulsive = motion.impulses, any(term.impulsive for term in terms)
         super().__init__(terms, motion.q, bcs, rtol=rtol, options=options, space=motion.space)
 
     def _take(self, x: PETSc.Vec) -> None:
