@@ -11,7 +11,7 @@ is of second order; rho = 1 is the trapezoidal rule, which dissipates nothing in
 An impulsive force f, as that of contact, acts at the end of a step only (Kane, Repetto, Ortiz and Marsden 1999, doi
 10.1016/S0045-7825(99)00034-1): dt f/m in the velocity, dt^2/2 f/m in the place, and nothing in the acceleration with
 which the next step begins. In the equation above it counts alpha_m/(2 beta) times, which makes its part of the place;
-`hit` then sees to the rest. Until then the velocity is 2 (q1 - q0)/dt - v0, as accurate and as stable as the rule's, but
+`hit` then sees to the rest. Until then the velocity is 2 (q1 - q0)/dt - v0, as accurate and stable as the rule's, but
 zero in a sheet that rests on something, so that damping bears none of its weight. What impulses take from the motion,
 f . (q1 - q0) less the change of its potential, is not negative where that is convex, as in backward Euler; other
 schemes make energy where much of a sheet lands at once.
