@@ -50,14 +50,14 @@ def test_a_tube_of_two_panels_shrinks_onto_a_cylinder_and_is_kept(kind, tmp_path
     cloth, around = tube(kind, cells).sheet(CLOTH), body()
     touch = contact(cloth, around)
     dress = dressing.Dressing(cloth, touch.terms)
-    for step in dress.march(0.02):
+    for step in dress.march(0.04):
         assert np.isfinite(step.load) and not touch.crossed()
     assert dress.relaxed == 1.0 and dress.stir < dressing.AT_REST
     assert touch.least_gap() > 0.0
     # flat panels have told its strain, not its start, in which it was twice as wide
     stretch = (R + H + 1e-3) / (SMALLER * R)
     assert np.sqrt(1 + 2 * cloth.cell_strain()[:, 1]) == pytest.approx(stretch, rel=0.03)
-    assert dress.ledger.totals["recoverable"] > 0 and abs(dress.ledger.totals["imbalance"]) < 0.05 * dress.ledger.most
+    assert dress.solver.descends and dress.stored > 0.0
     dress.save(path)
 
     again = dressing.worn(path, tube(kind, cells), CLOTH)

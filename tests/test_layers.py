@@ -40,7 +40,7 @@ FLOORS = [
             {"zero_energy"},
             {"linear", "continuation", "checkpoint", "reactions", "tangent", "failures"},
             {"marching", "motion", "leading"},
-            {"unknowns"},
+            {"unknowns", "drag"},
             {"statics"},
             {"descent"},
             {"step", "stable_step", "stepper"},

@@ -5,8 +5,8 @@ goes in pseudo-time from the start to the panels. The cloth shrinks, or widens, 
 body and with itself, so that nothing passes through anything. In the end it is at rest on the body, its stress that of
 the panels, and its place the start of scenes.
 
-Each step of the motion begins at rest, with rho = 0: what is solved is 2 M/dt^2 (q - q0) + forces(q) = 0, an implicit
-step downhill, whose inertia keeps a sheet in place that nothing holds.
+Each step is one of statics downhill, under a drag that keeps in its place what nothing holds (`solvers.drag`): it ends
+in the balance that energy leads to, however the cloth buckles on the way.
 """
 
 from collections.abc import Iterator, Sequence
@@ -20,34 +20,37 @@ from ..errors import InputError, StepFailed
 from ..laws import Array
 from ..sheet import Sheet
 from ..shell import rotation
-from ..solvers import checkpoint
+from ..solvers import checkpoint, marching
 from ..solvers.continuation import Step
+from ..solvers.drag import Drag
 from ..surfaces import placing
 from ..terms.work import InternalWork
 from .sewing import Garment
 
 AT_REST = 1e-6
 """Kinetic energy, as a part of the work that has been done, of a garment that is at rest."""
-LEAST = 4
-"""Steps in which it comes to rest, at least; longer ones than before make Newton's method stop in contact."""
+LEAST, EASING = 4, 3.0
+"""Steps in which it comes to rest, at least, and by what the drag falls in each."""
 
 
 class Dressing:
     """A sheet that is dressed; `march` does it, `save` keeps it, and `worn` takes it up.
 
-        touch = Contact(cloth, [arm], friction=0.0)
+        touch = Contact(cloth, [arm])
         dressing = Dressing(cloth, touch.terms)
         for step in dressing.march(): ...
         dressing.save("worn.npz")
 
-    Public: `sheet`; `run` and `ledger` of the motion; `relaxed`, from 0 to 1.
+    Public: `sheet`; `solver`; `relaxed`, from 0 to 1; `stored`, the energy of sheet and contact, J.
 
     Args:
         sheet: a shell where it starts, of a garment, see `sewing.Garment.sheet`.
-        loads: what acts on it, see `Sheet.newmark`: contact at least.
+        loads: what acts on it, see `Sheet.equilibrium`: contact at least. With friction there is no energy, unless it
+            is lagged, and Newton's method alone gets stuck where cloth buckles.
         bcs: what holds it.
-        areal_mass: kg/m2, by default that of its materials; it decides how fast it moves, and nothing in the end.
-        time: in which the metric is relaxed, s.
+        areal_mass: kg/m2, by default that of its materials; with the time it decides about the drag, and nothing in
+            the end.
+        time: in which the metric is relaxed, s; it sets the unit of the drag.
 
     Raises InputError for a membrane, or a sheet that starts where it is at rest.
     """
@@ -68,10 +71,10 @@ class Dressing:
         self.sheet, self.time, self.relaxed = sheet, time, 0.0
         self._works = [term for term in sheet.terms if isinstance(term, InternalWork)]
         mass = sheet.areal_mass if areal_mass is None else areal_mass
-        self.run, self.ledger = sheet.newmark(
-            mass, bcs, loads, rho=0.0, rtol=1e-3, set_load=self._relax, accuracy=np.inf
-        )
-        self.stir = np.inf
+        self._drag = Drag(sheet.q, sheet.mass(mass, "cell"), 1.0)
+        every = [*(loads if isinstance(loads, Sequence) else [loads]), self._drag]
+        self.solver = sheet.equilibrium(bcs, every, rtol=1e-4)
+        self.stir, self._comm = np.inf, sheet.domain.mesh.comm
         """Kinetic energy, had the last step taken as long as one of `march`, as a part of the work done so far."""
 
     def _relax(self, t: float) -> None:
@@ -81,35 +84,36 @@ class Dressing:
         for work in self._works:
             work.relax(self.relaxed)
 
-    def march(self, dt: float = 0.01, most: int = 30, progress: str | None = None) -> Iterator[Step]:
+    @property
+    def stored(self) -> float:
+        """See above."""
+        return float(self._comm.allreduce(sum(term.energy() or 0.0 for term in self.solver.terms)))
+
+    def march(self, dt: float = 0.02, most: int = 60, progress: str | None = None) -> Iterator[Step]:
         """Relax in steps of dt (s), then go on until it is at rest, in `most` steps at most; yields each.
 
         History on the way there is forgotten: it is that of no real dressing. Raises StepFailed where it does not come
         to rest.
         """
-        yield from self._quiet(self.run.march(self.time, dt, progress=progress), dt)
-        for points in self.sheet.points:
-            points.begin(points.law)
-        for k in range(most):
-            yield from self._quiet(self.run.march(self.run.time + dt, dt), dt)
-            if self.stir < AT_REST and k + 1 >= LEAST:
+        self._drag.coefficient, before = 2.0 / dt**2, self._comm.allreduce(self._drag.taken)
+        count = max(int(np.ceil(self.time / dt - 1e-9)), 1)
+        times = self.time * np.arange(1, count + most + 1) / count
+        for step in marching.march(self.solver, self._relax, times, progress=progress):
+            taken = self._comm.allreduce(self._drag.taken)
+            moved = (taken - before) / self._drag.coefficient / dt**2
+            before, self.stir = taken, moved / 2.0 / max(abs(self.stored) + taken, 1e-300)
+            yield step
+            if step.number == count:
+                for points in self.sheet.points:
+                    points.begin(points.law)
+            if step.number >= count:
+                self._drag.coefficient /= EASING
+            if step.number >= count + LEAST and self.stir < AT_REST:
                 return
         raise StepFailed(
             f"The garment is not at rest after {most} steps more: its kinetic energy is {self.stir:.1e} of the work. "
             "Is it held, or does something pull it on?"
         )
-
-    def _quiet(self, steps: Iterator[Step], dt: float) -> Iterator[Step]:
-        """Yield steps; take the motion away after each."""
-        motion = self.run.motion
-        before = motion.q.x.array.copy()
-        for step in steps:
-            motion.velocity.x.array[:] = (motion.q.x.array - before) / dt
-            self.stir = motion.kinetic() / max(self.ledger.most, 1e-300)
-            motion.velocity.x.array[:] = 0.0
-            motion.restart(np.zeros_like(before))
-            before = motion.q.x.array.copy()
-            yield step
 
     def save(self, path: str | Path) -> None:
         """Keep where it is, for `worn`; to be called on every rank. Raises InputError if it cannot be written."""

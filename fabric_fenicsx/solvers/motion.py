@@ -92,7 +92,7 @@ class Motion:
         self._by_mass: PETSc.KSP | None = None
         self.given, self._given_v, self._given_a = np.empty(0, dtype=np.int32), np.empty(0), np.empty(0)
         """Local unknowns whose motion is prescribed."""
-        self.mass = _compact(fempetsc.assemble_matrix(fem.form(mass)))
+        self.mass = compact(fempetsc.assemble_matrix(fem.form(mass)))
         if lumped:
             diagonal = fem.Function(V)
             diagonal.x.array[:] = self.lump()
@@ -289,7 +289,7 @@ class Mass(Term):
         values += (motion.damping * float(motion.rate.value) if self._damps else motion.shift) * self._values
 
 
-def _compact(mass: PETSc.Mat) -> PETSc.Mat:
+def compact(mass: PETSc.Mat) -> PETSc.Mat:
     """The same without zeros: most of the form's pattern couples what does not move together."""
     mass.assemble()
     indptr, columns, values = mass.getValuesCSR()

@@ -76,6 +76,7 @@ class LawPoints:
         self._energy = 0.0
         self._before: Array | None = None  # the potential at the start
         self._known: float | None = None  # what is stored at the last evaluation
+        self._moved = False  # whether the state of the last evaluation is the committed one
 
     def evaluate(self, tangent: bool = True, stiffest: bool = False) -> bool:
         """Strain, then stress, tangent and trial state from the committed one; False if one is not finite.
@@ -83,7 +84,7 @@ class LawPoints:
         tangent: whether it is wanted; a law that cannot leave it out gives it. stiffest: of the stiffest linear law
         that the law tells, else of the law at its first state; the trial state stays.
         """
-        m, history, self._known = self.strain.shape[-1], self.history, None
+        m, history, self._known, self._moved = self.strain.shape[-1], self.history, None, False
         self.measure(self.strain)
         strain, stress = self.strain.reshape(-1, m), self.stress.reshape(-1, m)
         if stiffest:
@@ -107,6 +108,7 @@ class LawPoints:
     def commit(self) -> None:
         """Move the past: the trial state of the last evaluation becomes the committed one."""
         self.history.commit()
+        self._moved = True
         if self._beyond is not None:
             said = self._beyond(self.strain.reshape(-1, self.strain.shape[-1])) if self.strain.size else None
             said = next((s for s in self.mesh.comm.allgather(said) if s), None)
@@ -166,7 +168,7 @@ class LawPoints:
     def energy(self) -> float:
         """What the law gives back, J on this rank; of a law that cannot tell, all that it has taken since `watch`."""
         if self._known is None:
-            self._known = self._stored(self.history.trial)
+            self._known = self._stored(self.history.committed if self._moved else self.history.trial)
         return self._known
 
     def dissipated(self) -> float:
