@@ -103,7 +103,7 @@ def main():
             record(step)
             if step.load == HIGHEST and len(record.table.rows) < len(curvatures):
                 value = bent.height(specimen)
-                pictures.picture(out / "deformed.png", specimen.displacement(), value, "height (mm)", title, VIEW)
+                pictures.picture(out / "deformed.png", specimen.displacement(), value, "height (mm)", title, view=VIEW)
     table = record.table
     K, M, exact = table.column("curvature_per_m"), table.column("moment_N"), at_a_point(cloth, args.way, curvatures)
     (B, HB2), (B0, HB20) = loops.read_loop(K, M), loops.read_loop(curvatures, exact)

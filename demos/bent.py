@@ -78,7 +78,9 @@ class Cloth:
     def sheet(self, domain, warp=(1.0, 0.0, 0.0)):
         """A shell of it on a mesh."""
         shear, bending = (self.shear, self.shear), Bending(self.curves)
-        return sheet.Sheet(domain, self.law, self.fabric.thickness, shear, warp, element=self.element, bending=bending)
+        return sheet.Sheet(
+            domain, self.law, self.fabric.thickness, shear, warp=warp, element=self.element, bending=bending
+        )
 
     def strip_curve(self, way):
         """The bending curve of a narrow strip along warp, weft or bias."""

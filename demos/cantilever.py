@@ -100,7 +100,7 @@ def main():
                     bent.height(strip),
                     "height (mm)",
                     title,
-                    (0.6, -2.0, 0.4),
+                    view=(0.6, -2.0, 0.4),
                 )
     lengths = table.column("overhang_mm") / 1e3
     c, exact = (twice_c(lengths, np.radians(table.column(f"{name}_deg"))) / 2 for name in ("angle", "elastica"))

@@ -168,7 +168,7 @@ def catenary(args, out):
     domain, cloth = made.domain, made.cloth
     weight = cloth.weight(touching.MASS, ufl.as_vector((0.0, 0.0, -touching.G)))
     bcs = [*made.bcs, *supports.hinge(domain, cloth.space, "pulled_end")]
-    run, _ = cloth.newmark(touching.MASS, bcs, [weight, *made.touch.terms], 0.0, DAMPING, rtol=1e-4)
+    run, _ = cloth.newmark(touching.MASS, bcs, [weight, *made.touch.terms], rho=0.0, damping=DAMPING, rtol=1e-4)
     held = [supports.unknowns(domain, cloth.space, "pulled_end", k) for k in (0, 2)]
 
     def probes():

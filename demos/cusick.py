@@ -107,7 +107,7 @@ def drape(args, material, seed, out):
     # full steps: cloth that does not stretch needs 5 iterations a step so, 11 with a search along each correction
     options = {"snes_linesearch_type": "basic"}
     run, ledger = cloth.newmark(
-        material.mass, bcs, loads, args.rho, args.damping, set_load=bent.lowering(g, LOWERED), rtol=1e-3,
+        material.mass, bcs, loads, rho=args.rho, damping=args.damping, set_load=bent.lowering(g, LOWERED), rtol=1e-3,
         options=options,
     )  # fmt: skip
 

@@ -63,8 +63,10 @@ def main():
     for name in fabrics.names() if args.fabric == "all" else [args.fabric]:
         known = fabrics.load(name)
         folder = results.folder(out / Path(name).stem, MPI.COMM_SELF)
-        tests = synthetic.write(known, folder / "synthetic_records", args.specimens, args.noise / 100, args.seed)
-        _, again = making.make(tests, folder, args.shear, STRIP, args.ends, command.say)
+        tests = synthetic.write(
+            known, folder / "synthetic_records", args.specimens, noise=args.noise / 100, seed=args.seed
+        )
+        _, again = making.make(tests, folder, args.shear, mesh=STRIP, ends=args.ends, say=command.say)
         miss = recovery(known, again)
         right = right and all(abs(miss[key]) <= accepted for key, accepted in ACCEPTED.items())
         command.say(f"{known.name:12s}" + "".join(f"{miss[key]:12.2f}" for key in ACCEPTED))

@@ -70,7 +70,7 @@ def scene(args, slope, slip, comm=MPI.COMM_WORLD):
         stiffness=touching.MASS * touching.G * np.cos(angle), slip=slip, creep=args.creep,
     )  # fmt: skip
     weight = cloth.weight(touching.MASS, ufl.as_vector((0.0, 0.0, -touching.G)))
-    run, ledger = cloth.newmark(touching.MASS, [], [weight, *touch.terms], args.rho, rtol=args.rtol)
+    run, ledger = cloth.newmark(touching.MASS, [], [weight, *touch.terms], rho=args.rho, rtol=args.rtol)
 
     def speed():
         parts = [supports.mean(domain, cloth.space, run.motion.velocity, "sheet", k) for k in range(3)]

@@ -99,7 +99,7 @@ def runner(args, cloth, areal_mass, bcs, loads, set_load=lambda t: None):
     same = {"damping": args.damping, "rotary": args.rotary, "set_load": set_load}
     if args.method == "implicit":
         same["options"] = SOLVERS[args.solver]
-        run, ledger = cloth.newmark(areal_mass, bcs, loads, args.rho, lumped=args.lumped, rtol=args.rtol, **same)
+        run, ledger = cloth.newmark(areal_mass, bcs, loads, rho=args.rho, lumped=args.lumped, rtol=args.rtol, **same)
         command.say(f"linear systems by {linear.method(run.solver.snes)}")
         return run, ledger
     run, ledger = cloth.explicit(areal_mass, bcs, loads, **same)

@@ -81,7 +81,9 @@ with Recorder(cloth, args.out, probes, when=lambda step: "", picture=None) as re
             warp = cloth.yarns()[:, 0]
             turned = np.degrees(np.arctan2(warp[:, 2], warp[:, 0])) % 360
             title, view = "three quarters of a circle", (0.3, -2.0, 0.5)
-            pictures.picture(args.out / "deformed.png", cloth.displacement(), turned, "turned (degrees)", title, view)
+            pictures.picture(
+                args.out / "deformed.png", cloth.displacement(), turned, "turned (degrees)", title, view=view
+            )
 
 # %% [markdown]
 # ![The strip, three quarters of a circle](deformed.png)

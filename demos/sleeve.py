@@ -104,7 +104,7 @@ def main():
             record(step)
     strain, inside, table = cloth.cell_strain()[:, 0], (0.2, -0.9, 1.6), record.table
     pictures.picture(
-        out / "inner_side.png", cloth.displacement(), strain, LABELS["warp"], title, inside, yarns=cloth.yarns()
+        out / "inner_side.png", cloth.displacement(), strain, LABELS["warp"], title, view=inside, yarns=cloth.yarns()
     )
 
     t, last = ledger.totals, table.rows[-1]

@@ -55,7 +55,7 @@ class Roof:
         )  # fmt: skip
         G = E / 2 / (1 + NU)
         law = StVenantKirchhoff.isotropic(E, NU)
-        self.sheet = shell = sheet.Sheet(domain, law, thickness, (G, G), (0, 1, 0), element=element)
+        self.sheet = shell = sheet.Sheet(domain, law, thickness, (G, G), warp=(0, 1, 0), element=element)
         self.space, self.q = shell.space, shell.q
         self._load = fem.Constant(domain.mesh, (0.0, 0.0, 0.0))
         load = wf.point_force(self._load, shell.v, supports.over(domain, "A", degree=1))

@@ -49,7 +49,9 @@ def scene(args, out, comm=MPI.COMM_WORLD):
         cloth, [table], friction=args.friction, reach=2 * touching.THICKNESS, stiffness=args.stiffness, creep=1e-4
     )
     weight = cloth.weight(touching.MASS, ufl.as_vector((0.0, 0.0, -touching.G)))
-    run, ledger = cloth.newmark(touching.MASS, [], [weight, *touch.terms], args.rho, args.damping, rtol=args.rtol)
+    run, ledger = cloth.newmark(
+        touching.MASS, [], [weight, *touch.terms], rho=args.rho, damping=args.damping, rtol=args.rtol
+    )
     heights = touch.rest[:, 2]
     above = [heights > 1e-3 * args.apart * (k - 0.5) for k in range(1, args.sheets)]
 

@@ -94,7 +94,16 @@ def strip(case, comm=MPI.COMM_WORLD):
     gdim = 2 if case.kinematics == "plane" else 3
     domain = meshing.read(case.mesh, comm, gdim=gdim, **(size if case.mesh == STRIP else {}))
     law, angle = named.law(case.law, case.fabric, case.poisson, ramp=case.ramp), np.radians(case.angle)
-    return specimen.strip(domain, case.fabric, law, angle, case.ends, case.degree, case.kinematics, case.imperfection)
+    return specimen.strip(
+        domain,
+        case.fabric,
+        law,
+        angle,
+        ends=case.ends,
+        degree=case.degree,
+        level=case.kinematics,
+        imperfection=case.imperfection,
+    )
 
 
 def sheet(case, u, points):
@@ -204,7 +213,7 @@ def plot(path, runs):
     """Stress against strain of some (case, table), a panel a fabric, with the fitted curves."""
     names = list(dict.fromkeys(case.fabric.name for case, _ in runs))
     columns = min(len(names), 2)
-    figure, panels = plots.panels(columns, -(-len(names) // columns), 5.0, 3.8)
+    figure, panels = plots.panels(columns, -(-len(names) // columns), width=5.0, height=3.8)
     several = len({case.law for case, _ in runs}) > 1
     for name, axes in zip(names, panels, strict=False):
         thesis = name in fabrics.names()

@@ -13,7 +13,7 @@ E, NU = 8e6, 0.0
 def elastic(domain, warp=(1.0, 0.0, 0.0), element="mitc4", thickness=THICKNESS):
     """A sheet of one elastic material, as soft as cloth."""
     law, shear = StVenantKirchhoff.isotropic(E, NU), E / 2 / (1 + NU)
-    return sheet.Sheet(domain, law, thickness, (shear, shear), warp, element=element)
+    return sheet.Sheet(domain, law, thickness, (shear, shear), warp=warp, element=element)
 
 
 def wave(domain, inner, outer, height, seed, count=8):

@@ -53,7 +53,7 @@ def shades(count: int) -> list[Any]:
 
 
 def panels(
-    across: int, down: int = 1, width: float = 4.2, height: float = 3.3, sharex: bool = False, sharey: bool = False
+    across: int, down: int = 1, *, width: float = 4.2, height: float = 3.3, sharex: bool = False, sharey: bool = False
 ) -> tuple["Figure", list["Axes"]]:
     """A figure and its panels in reading order, each so wide and high (inches)."""
     from matplotlib.figure import Figure

@@ -78,6 +78,7 @@ class Sheet(Showing):
         law: Law | Mapping[str, Material],
         thickness: float | None = None,
         shear: tuple[float, float] | None = None,
+        *,
         warp: Sequence[float] | Expr | None = None,
         kinematics: Literal["shell", "membrane"] = "shell",
         element: str | None = None,
@@ -118,12 +119,12 @@ class Sheet(Showing):
         through = {name: material.through() for name, material in of.items()}
         h = self.thickness if isinstance(self.thickness, Expr) else fem.Constant(mesh, self.thickness)
         limits = each({name: material.shear_limit(through[name]) for name, material in of.items()})
-        limit = (h, reach, limits, space.curvature())
+        limit: dict[str, Any] = {"reach": reach, "bending": limits, "curvature": space.curvature()}
         shear = [each({name: material.shear[k] for name, material in of.items()}) for k in (0, 1)]  # type: ignore[index]
         most = each({name: max(material.shear or ()) for name, material in of.items()})
-        variation = weakform.shear_variation(mesh, most, *limit)
+        variation = weakform.shear_variation(mesh, most, h, **limit)
         self.strain, across = assumed_strain.shell_strains(space, self.q, self.warp, variation)
-        across_stiffness = weakform.shear_stiffness(mesh, (shear[0], shear[1]), *limit)
+        across_stiffness = weakform.shear_stiffness(mesh, (shear[0], shear[1]), h, **limit)
         self.stored += weakform.stored(ufl.dot(across_stiffness, across), across, 1.0, space.dx_shear)
         for name, law in through.items():
             response: Law | Expr = law
@@ -203,9 +204,9 @@ class Sheet(Showing):
         self,
         bcs: Sequence[fem.DirichletBC],
         loads: Loads = 0,
+        *,
         rtol: float = 1e-6,
         options: dict[str, object] | None = None,
-        *,
         search: Search = "energy",
     ) -> StableSolver:
         """The solver of this sheet at rest, for `statics.march`; bcs, rtol, options: see `statics.StaticSolver`.
@@ -223,6 +224,7 @@ class Sheet(Showing):
         areal_mass: Expr | float,
         bcs: Sequence[fem.DirichletBC],
         loads: Loads = 0,
+        *,
         rho: float = 0.8,
         damping: float = 0.0,
         rotary: str = "cell",
@@ -242,6 +244,7 @@ class Sheet(Showing):
         areal_mass: Expr | float,
         bcs: Sequence[fem.DirichletBC],
         loads: Loads = 0,
+        *,
         damping: float = 0.0,
         rotary: str = "cell",
         **settings: Any,

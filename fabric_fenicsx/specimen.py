@@ -45,6 +45,7 @@ def strip(
     fabric: Fabric,
     law: Law,
     angle: float = 0.0,
+    *,
     ends: str = "clamped",
     degree: int = 1,
     level: str = "plane",
@@ -69,7 +70,7 @@ def strip(
         x[:, 2] = imperfection * np.sin(np.pi * x[:, 0] / x[:, 0].max(initial=1e-9))
         element = "q1" if mesh.basix_cell().name == "quadrilateral" else None
         G = fabric.shear.modulus[0]
-        bent = sheet.Sheet(domain, law, h, (G, G), warp, element=element)
+        bent = sheet.Sheet(domain, law, h, (G, G), warp=warp, element=element)
         u, shell, points, residual = bent.q, bent.shell, bent.points[0], bent.terms
     else:
         flat = fem.functionspace(mesh, ("Lagrange", degree, (mesh.geometry.dim,)))

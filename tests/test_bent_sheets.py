@@ -93,7 +93,7 @@ def test_a_bias_strip_of_a_shell(length, width, cells, middle, wide):
         SVK,
         BLEND.thickness,
         (G, G),
-        np.array([1.0, 1.0, 0.0]) / np.sqrt(2),
+        warp=np.array([1.0, 1.0, 0.0]) / np.sqrt(2),
         bending=Bending(BendingCurves(*linear)),
     )
     held, given = supports.clamp(domain, cloth.space, "fixed_end"), bias_of_twist(*linear, wide=wide).B

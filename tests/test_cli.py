@@ -174,7 +174,7 @@ def test_fabrics(command, tmp_path):
 
 def test_identify(command, tmp_path):
     known = fabrics.load("blend")
-    tests = synthetic.write(known, tmp_path / "records", 1, 0.0, 1)
+    tests = synthetic.write(known, tmp_path / "records", 1, noise=0.0, seed=1)
     status, said, _ = command("identify", tests, "--out", tmp_path / "out")
     again = fabrics.load(tmp_path / "out" / "fabric.toml")
     assert status == 0 and "fabric.toml" in said and (tmp_path / "out" / "report.pdf").exists()
@@ -184,7 +184,7 @@ def test_identify(command, tmp_path):
 def test_identify_ones_own_records(command, tmp_path):
     """Records in other units; and a bias test alone, of which a report comes and no fabric."""
     known = fabrics.load("muslin")
-    tests = synthetic.write(known, tmp_path / "records", 1, 0.02, 1)
+    tests = synthetic.write(known, tmp_path / "records", 1, noise=0.02, seed=1)
     before = identify.identify(identify.read(tests)).curves["warp"].loading
     for path in tests.parent.glob("warp_?.csv"):
         word, _, *rows = path.read_text().splitlines()

@@ -640,7 +640,7 @@ def test_the_simulated_strip_finds_the_shear_curve(found):
     measured = identification.Curve(curves.loading([up]), Estimate(slope, error, 1), [up], [(E[40:], S[40:])])
     blind = replace(answer, bias=measured, curves={way: answer.curves[way] for way in ("warp", "weft")})
     assert "shear curve: no photographs of the yarns" in blind.undetermined
-    curve = inverse.shear(blind, MESHES / "strip.geo", (3, 1), "free", 4).curves["shear"]
+    curve = inverse.shear(blind, MESHES / "strip.geo", (3, 1), ends="free", steps=4).curves["shear"]
     E12 = np.linspace(0, curve.loading.limit, 50)
     true = known.shear.stress(2 * E12)
     assert curve.loading.limit == pytest.approx(known.shear.limit / 2, rel=0.05)

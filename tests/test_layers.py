@@ -171,6 +171,21 @@ def test_only_simulated_strips_of_identify_need_a_scene(path):
 
 
 @every_file
+def test_options_are_given_by_their_names(path):
+    """But for two at most, and vectors that tell a place or a motion; names that begin with _ are nobody's business."""
+    places = {"shift", "turn", "centre", "axis", "point", "normal"}
+    for cls in [None, *(node for node in ast.walk(ast.parse(path.read_text())) if isinstance(node, ast.ClassDef))]:
+        body = ast.parse(path.read_text()).body if cls is None else cls.body
+        for node in body:
+            if isinstance(node, ast.FunctionDef) and (node.name[0] != "_" or node.name == "__init__"):
+                optional = [
+                    argument.arg for argument in node.args.args[len(node.args.args) - len(node.args.defaults) :]
+                ]
+                by_place = [name for name in optional if name not in places]
+                assert len(by_place) <= 2, f"line {node.lineno}: {node.name} takes {', '.join(by_place)} by place"
+
+
+@every_file
 def test_a_room_has_one_subject(path):
     # kernels: Numba's cache looks at one file only
     assert len(path.read_text().splitlines()) <= (350 if path.name == "kernels.py" else 300)

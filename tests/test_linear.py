@@ -35,7 +35,7 @@ def stretched(cloth, options, rtol=1e-9):
     bcs = supports.clamp(domain, space, "left") + supports.lead(domain, space, "right", 0, end)
     bcs += [bc for k in (1, 2) for bc in supports.lead(domain, space, "right", k, 0.0)]
     g = fem.Constant(domain.mesh, np.zeros(3))
-    return cloth.equilibrium(bcs, cloth.weight(AREAL_MASS, g), rtol, options), g
+    return cloth.equilibrium(bcs, cloth.weight(AREAL_MASS, g), rtol=rtol, options=options), g
 
 
 def falling(cloth, options):

@@ -38,7 +38,7 @@ def test_plots_have_a_second_axis_or_another_unit(tmp_path):
 
 
 def test_files_and_the_report_say_both(tmp_path):
-    found = identification.identify(listing.read(synthetic.write(BLEND, tmp_path, 1, 0.0)))
+    found = identification.identify(listing.read(synthetic.write(BLEND, tmp_path, 1, noise=0.0)))
     path, fabric = fabric_file.write(found, tmp_path, per_width="N/5cm")
     last = path.read_text(encoding="utf-8").splitlines()[-3:]
     assert last == [f"# {line}" for line in per_width.describe(fabric, "N/5cm")]

@@ -37,7 +37,7 @@ def test_the_geometry_is_that_of_rods():
 
 def listed(folder, fabric, noise, tops):
     """Records of a fabric whose shear is measured in frames with several cycles; no photographs of the bias test."""
-    path = synthetic.write(fabric, folder, 3, noise)
+    path = synthetic.write(fabric, folder, 3, noise=noise)
     text = re.sub(r"bias = .*\n", "", path.read_text(encoding="utf-8"))
     rng = np.random.default_rng(5)
     legs = [np.linspace(a, b, 150)[1:] for a, b in tops]

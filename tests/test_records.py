@@ -102,7 +102,7 @@ def test_a_photograph_at_rest_must_be_there(tmp_path):
 
 def test_one_misread_number_changes_nothing(tmp_path):
     """A dot at -1000 mm, and a force times 50 on the way back, in records with 2 % noise."""
-    synthetic.write(fabrics.load("blend"), tmp_path, 1, 0.02, 7)
+    synthetic.write(fabrics.load("blend"), tmp_path, 1, noise=0.02, seed=7)
     dots, force = tmp_path / "weft_1_dots.csv", tmp_path / "weft_1.csv"
     ratio, curve = markers.contraction(dots).ratio, identified(force)[0]
     for path, line, column, wrong in ((dots, 27, 14, lambda x: -1e3), (force, 1125, -1, lambda x: 50 * x)):
@@ -118,7 +118,7 @@ def test_one_misread_number_changes_nothing(tmp_path):
 
 def test_a_poor_fit_shows_in_the_status(tmp_path):
     """A force that follows no curve: files are written, but the status is not 0 and the last sentence says why."""
-    tests = synthetic.write(fabrics.load("blend"), tmp_path, 1, 0.0)
+    tests = synthetic.write(fabrics.load("blend"), tmp_path, 1, noise=0.0)
     path = tmp_path / "warp_1.csv"
     head, rows = path.read_text().splitlines()[:2], np.genfromtxt(path, delimiter=",", skip_header=2)
     wrong = rows[:, 2] * (1 + 0.6 * np.sin(np.arange(len(rows)) / 25))
@@ -296,7 +296,7 @@ def test_a_faulty_record_gives_the_fabric_or_a_sentence(made, seeds):
 
 
 def test_the_list_may_say_the_pre_load(tmp_path):
-    tests = synthetic.write(fabrics.load("denim"), tmp_path, 1, 0.0)
+    tests = synthetic.write(fabrics.load("denim"), tmp_path, 1, noise=0.0)
     tests.write_text(tests.read_text().replace("[records]", "preload_N = -1\n[records]"))
     answer = CliRunner().invoke(cli.app, ["identify", str(tests), "--out", str(tmp_path / "out")])
     assert "preload_N = -1 is not zero or a positive number" in str(answer.exception)
@@ -323,7 +323,9 @@ def test_the_strip_of_the_search_does_not_lock(clamped):
             MESHES / "strip.geo", MPI.COMM_SELF, gdim=2, orient=False, nx=cells[0], ny=cells[1],
             length=fabric.gauge_length, width=fabric.width,
         )  # fmt: skip
-        scene = specimen.strip(domain, fabric, Woven(fabric), np.pi / 4, "clamped", degree, quadrature=points)
+        scene = specimen.strip(
+            domain, fabric, Woven(fabric), np.pi / 4, ends="clamped", degree=degree, quadrature=points
+        )
         for _ in statics.march(scene.solver, scene.pull, list(clamped.d)):
             pass
         forces[cells, degree] = scene.solver.reaction(scene.ends[1])
@@ -342,7 +344,7 @@ def test_a_trial_that_cannot_be_pulled_is_no_error(clamped, monkeypatch):
         return pull(self, fabric, path)
 
     monkeypatch.setattr(inverse._Search, "_pull", sometimes)
-    found = inverse.shear(clamped.found, MESHES / "strip.geo", (9, 3), "clamped", 4).curves["shear"]
+    found = inverse.shear(clamped.found, MESHES / "strip.geo", (9, 3), ends="clamped", steps=4).curves["shear"]
     assert found.loading.residual < 0.02
 
     def never(self, fabric, path):
@@ -350,4 +352,4 @@ def test_a_trial_that_cannot_be_pulled_is_no_error(clamped, monkeypatch):
 
     monkeypatch.setattr(inverse._Search, "_pull", never)
     with pytest.raises(StepFailed, match="no strip can be pulled to the end of the bias test; check width"):
-        inverse.shear(clamped.found, MESHES / "strip.geo", (9, 3), "clamped", 4)
+        inverse.shear(clamped.found, MESHES / "strip.geo", (9, 3), ends="clamped", steps=4)

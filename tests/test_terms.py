@@ -418,7 +418,7 @@ def test_air_resists_a_falling_sheet(method):
 def test_a_sheet_in_balance_is_in_balance(search):
     """A curved sheet of triangles, whose forces at rest are round-off, under no load and next to none."""
     domain = meshing.read(scenes.MESHES / "cylinder.geo", MPI.COMM_SELF, order=2, triangles=1)
-    cloth = sheet.Sheet(domain, StVenantKirchhoff.isotropic(1e7, 0.3), H, (1e6, 1e6), (0.3, 1, 0.2))
+    cloth = sheet.Sheet(domain, StVenantKirchhoff.isotropic(1e7, 0.3), H, (1e6, 1e6), warp=(0.3, 1, 0.2))
     g = fem.Constant(domain.mesh, np.zeros(3))
     bcs = supports.clamp(domain, cloth.space, "end")
     solver = cloth.equilibrium(bcs, cloth.weight(0.2, g), options={"snes_linesearch_type": search, "snes_max_it": 50})

@@ -75,7 +75,7 @@ def reach(law, degrees, sheared=1.0, most=0.3):
 
 def listed(fabric, folder, more, specimens=3, noise=0.02, seed=2010):
     """The list of tests along and across, without the bias test, and of `more`."""
-    path = synthetic.write(fabric, folder, specimens, noise, seed)
+    path = synthetic.write(fabric, folder, specimens, noise=noise, seed=seed)
     text = re.sub(r"bias = .*\n", "", path.read_text(encoding="utf-8"), count=1)
     path.write_text(f"{text}\n{more}", encoding="utf-8")
     return path
@@ -147,7 +147,7 @@ def between_grips(name, folder, noise=0.02, seed=2010):
         S = np.append(0.0, fine(fabric, strip, np.radians(degrees), d[1:]))
         E, S = np.linspace(0, E[-1], 101), np.interp(np.linspace(0, E[-1], 101), E, S)
         text += synthetic_strips.strips(
-            folder, degrees, E, S, fabric.thickness, 3, noise, rng, size, "clamped", degrees == HELD
+            folder, degrees, E, S, fabric.thickness, 3, noise, rng, size, ends="clamped", held_out=degrees == HELD
         )
     found = joint.fit(identification.identify(listing.read(listed(fabric, folder, text, 3, noise, seed))), own)
     return fabric, fabric_file.write(found, folder)[1], found

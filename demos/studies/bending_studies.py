@@ -137,7 +137,7 @@ def run(args, scene, element, how):
     cloth, bcs, load, set_load = scene(args, element, how)
     mass = fabrics.load("blend").areal_mass
     # buckling without damping of the fastest oscillations would need shorter steps still
-    motion, ledger = cloth.newmark(mass, bcs, load, 0.0, 25.0, set_load=set_load, rtol=1e-4)
+    motion, ledger = cloth.newmark(mass, bcs, load, rho=0.0, damping=25.0, set_load=set_load, rtol=1e-4)
     step, iterations, cuts, done = 0.005 if args.quick else 0.0025, 0, 0, 0.0
     end = 0.25 if args.quick else TIME
     clock, failed, height = studies.processor(), "", 0.0
@@ -184,7 +184,9 @@ def records(args, out):
     if MPI.COMM_WORLD.rank == 0:
         true.write_text(f"{blend}\n{bending.toml(KNOWN)}", encoding="utf-8")
         known = replace(fabrics.load(true), bending=KNOWN)
-        tests = synthetic.write(known, out / "synthetic_records", args.specimens, args.noise / 100, args.seed)
+        tests = synthetic.write(
+            known, out / "synthetic_records", args.specimens, noise=args.noise / 100, seed=args.seed
+        )
         said, _ = making.make(tests, out, say=lambda line: None)
     again = MPI.COMM_WORLD.bcast(said)
     rows, means = [], []

@@ -117,7 +117,7 @@ def build_strip(s, comm):
     n = s["cells"]
     domain = meshing.read(STRIP, comm, gdim=2, nx=3 * n, ny=n, length=BLEND.gauge_length, width=BLEND.width)
     law = named.law(s["law"], BLEND)
-    scene = specimen.strip(domain, BLEND, law, np.radians(45.0), "clamped", s["degree"])
+    scene = specimen.strip(domain, BLEND, law, np.radians(45.0), ends="clamped", degree=s["degree"])
     scene.solver.rtol = s["rtol"]
     return scene
 

@@ -127,7 +127,7 @@ def cheapest(rows, own):
 def plot(path, studied):
     """Error against seconds, a panel a case."""
     columns = min(3, len(studied))
-    figure, panels = plots.panels(columns, -(-len(studied) // columns), 5.2, 4.4)
+    figure, panels = plots.panels(columns, -(-len(studied) // columns), width=5.2, height=4.4)
     for axes in panels[len(studied) :]:
         axes.set_axis_off()
     for axes, (rows, own, case) in zip(panels, studied, strict=False):

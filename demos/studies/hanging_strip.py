@@ -40,11 +40,11 @@ def scene(args, mode, comm=MPI.COMM_WORLD):
     x = domain.mesh.geometry.x
     x[:] = np.stack([0 * x[:, 0], x[:, 1], -x[:, 0]], axis=1)
     law, shear = StVenantKirchhoff.isotropic(E, NU), E / 2 / (1 + NU)
-    strip = sheet.Sheet(domain, law, THICKNESS, (shear, shear), (0.0, 0.0, -1.0), element=args.element)
+    strip = sheet.Sheet(domain, law, THICKNESS, (shear, shear), warp=(0.0, 0.0, -1.0), element=args.element)
     areal_mass = DENSITY * THICKNESS
     weight = strip.weight(areal_mass, fem.Constant(domain.mesh, np.array([0.0, 0.0, -G])))
     bcs = supports.hinge(domain, strip.space, "fixed_end")
-    run, ledger = strip.newmark(areal_mass, bcs, weight, args.rho, rotary="thickness", rtol=args.rtol)
+    run, ledger = strip.newmark(areal_mass, bcs, weight, rho=args.rho, rotary="thickness", rtol=args.rtol)
     deflect(strip, jn_zeros(0, mode)[-1])
     run.solver.renew()
     probes = {"end_x_m": moving.value_at(strip, 0, "pulled_end")}

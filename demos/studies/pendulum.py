@@ -51,10 +51,10 @@ def scene(args, degrees=90.0, comm=MPI.COMM_WORLD):
     down = SIDE - x[:, 1]
     x[:] = np.stack([np.sin(angle) * down, x[:, 0], -np.cos(angle) * down], axis=1)
     law, shear = StVenantKirchhoff.isotropic(E, NU), E / 2 / (1 + NU)
-    plate = sheet.Sheet(domain, law, THICKNESS, (shear, shear), (0.0, 1.0, 0.0), element=args.element)
+    plate = sheet.Sheet(domain, law, THICKNESS, (shear, shear), warp=(0.0, 1.0, 0.0), element=args.element)
     weight = plate.weight(AREAL_MASS, fem.Constant(domain.mesh, np.array([0.0, 0.0, 0.0 if args.free else -G])))
     bcs = [] if args.free else supports.hinge(domain, plate.space, "top")
-    run, ledger = plate.newmark(AREAL_MASS, bcs, weight, args.rho, rotary="thickness", rtol=args.rtol)
+    run, ledger = plate.newmark(AREAL_MASS, bcs, weight, rho=args.rho, rotary="thickness", rtol=args.rtol)
     if args.free:
         launch(run.motion, np.array([SIDE / 2, SIDE / 2, 0.0]))
         name, momentum = "free plate", Momenta(run.motion)

@@ -71,7 +71,7 @@ class Shell:
             raise InputError("Only strips can be skewed: end_shear, roll_up, heavy_elastica, locking.")
         G = shear_factor * E / (2 * (1 + nu))
         law = StVenantKirchhoff.isotropic(E, nu)
-        self.sheet = shell = sheet.Sheet(self.domain, law, thickness, (G, G), warp, element=element)
+        self.sheet = shell = sheet.Sheet(self.domain, law, thickness, (G, G), warp=warp, element=element)
         self.space, self.q = shell.space, shell.q
         self.u, self.d, self.v, self.w = shell.u, shell.director, shell.v, shell.delta
         self.load, self.bcs, self.loads = fem.Constant(self.mesh, 0.0), [], 0

@@ -93,7 +93,7 @@ def locking(settings, out):
 def plot(path, rows):
     """Tip deflection over the elastica's against slenderness, a panel a mesh."""
     meshes = list(dict.fromkeys((row["cells"], row["skew"]) for row in rows))
-    figure, panels = plots.panels(2, -(-len(meshes) // 2), 4.8, 3.6, sharex=True, sharey=True)
+    figure, panels = plots.panels(2, -(-len(meshes) // 2), width=4.8, height=3.6, sharex=True, sharey=True)
     for (cells, skew), axes in zip(meshes, panels, strict=False):
         for i, element in enumerate(directors.ELEMENTS):
             own = [row for row in rows if (row["element"], row["cells"], row["skew"]) == (element, cells, skew)]

@@ -101,9 +101,9 @@ def inputs(quick):
     calls |= {
         "load NaN": lambda: next(statics.march(cloth.equilibrium(clamp), lambda load: None, [nan])),
         "no load at all": lambda: next(statics.march(cloth.equilibrium(clamp), lambda load: None, [])),
-        "warp direction 0": lambda: sheet.Sheet(domain, svk, 1e-3, (1e6, 1e6), (0, 0, 0)),
-        "warp along the normal": lambda: sheet.Sheet(domain, svk, 1e-3, (1e6, 1e6), (0, 0, 1)),
-        "warp direction NaN": lambda: sheet.Sheet(domain, svk, 1e-3, (1e6, 1e6), (nan, 0, 0)),
+        "warp direction 0": lambda: sheet.Sheet(domain, svk, 1e-3, (1e6, 1e6), warp=(0, 0, 0)),
+        "warp along the normal": lambda: sheet.Sheet(domain, svk, 1e-3, (1e6, 1e6), warp=(0, 0, 1)),
+        "warp direction NaN": lambda: sheet.Sheet(domain, svk, 1e-3, (1e6, 1e6), warp=(nan, 0, 0)),
         "Poisson's ratio 1": lambda: StVenantKirchhoff.isotropic(1e7, 1.0),
         "Poisson's ratios NaN": law_of(poisson={"measured": (nan, nan)}),
         "damping -1 1/s": lambda: cloth.newmark(0.1, clamp, damping=-1.0),

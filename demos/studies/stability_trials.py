@@ -53,7 +53,7 @@ def pulled(path, fabric=BLEND, law=Woven, angle=0.0, ends="free", cells=(9, 3), 
     domain = meshing.read(meshing.MESHES / "strip.geo", COMM, gdim=2, **numbers)
     if skew:
         shell_model.move_nodes(domain.mesh, skew, 1.0, numbers)
-    strip = specimen.strip(domain, fabric, law(fabric), np.radians(angle), ends)
+    strip = specimen.strip(domain, fabric, law(fabric), np.radians(angle), ends=ends)
     iterations = cuts = 0
     try:
         for step in statics.march(strip.solver, strip.pull, path):

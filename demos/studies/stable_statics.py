@@ -58,7 +58,7 @@ def elastic(side, n, E, nu, h, kinematics="shell"):
 
 def case(cloth, bcs, loads, load, steps, search, rtol=1e-6):
     """A case of a sheet; `load` is a Constant."""
-    solver = cloth.equilibrium(bcs, loads, rtol, search=search)
+    solver = cloth.equilibrium(bcs, loads, rtol=rtol, search=search)
     return Case(solver, lambda value: setattr(load, "value", value), steps, lambda: highest(cloth))
 
 
@@ -122,7 +122,7 @@ def pinched(search, element="regge", n=16):
     E, nu = 30e3, 0.3
     G = E / 2 / (1 + nu)
     law = StVenantKirchhoff.isotropic(E, nu)
-    cloth = sheet.Sheet(domain, law, 1.0, (G, G), (0, 1, 0), element=element)
+    cloth = sheet.Sheet(domain, law, 1.0, (G, G), warp=(0, 1, 0), element=element)
     space = cloth.space
     bcs = [bc for k, line in enumerate(("top", "middle", "side")) for bc in supports.symmetry(domain, space, line, k)]
     bcs += [bc for k in (0, 2) for bc in supports.lead(domain, space, "end", k, 0.0)]

@@ -117,7 +117,7 @@ def write(path, rows):
 def plot(path, names, steps, errors):
     """Error of the printed law against the number of steps, a panel a fabric; errors: (case, % for each step)."""
     across = min(len(names), 2)
-    figure, panels = plots.panels(across, -(-len(names) // across), 4.8, 3.8, sharex=True, sharey=True)
+    figure, panels = plots.panels(across, -(-len(names) // across), width=4.8, height=3.8, sharex=True, sharey=True)
     for case, error in errors:
         look = plots.style(case.fabric.name, tensile.WAYS[case.angle]) | {"ms": 4}
         look |= {"marker": "o"} if case.ends == "clamped" else {"marker": "s", "mfc": "white"}

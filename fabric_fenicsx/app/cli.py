@@ -152,7 +152,7 @@ def identify(tests: Path, shear: str, ends: str, out: Path, per_width: str | Non
     if MPI.COMM_WORLD.rank > 0:  # nothing here is large enough to share
         return
     out = results.folder(out, MPI.COMM_SELF)
-    path, _ = making.make(tests, out, shear, STRIP, ends, click.echo, per_width=per_width)
+    path, _ = making.make(tests, out, shear, mesh=STRIP, ends=ends, say=click.echo, per_width=per_width)
     click.echo(f"see {out / 'report.pdf'}; use it with --fabric {path}")
 
 
@@ -233,10 +233,10 @@ def view(results_folder: Path, frame: int | None, colour: str, eye: tuple[float,
         refuse_ending(out)
     with drawn_to(out):
         if animation:
-            broken = series.film(out, colour, eye)
+            broken = series.film(out, colour, view=eye)
         else:
             number = series.last() if frame is None else frame
-            series.picture(out, number, colour, eye)
+            series.picture(out, number, colour=colour, view=eye)
             broken = sorted({*series.broken(), *range(number + 1, count)}) if frame is None else series.broken()
     _tell([series.files[number] for number in broken], out)
 

@@ -89,7 +89,7 @@ class Dressing:
         """See above."""
         return float(self._comm.allreduce(sum(term.energy() or 0.0 for term in self.solver.terms)))
 
-    def march(self, dt: float = 0.02, most: int = 60, progress: str | None = None) -> Iterator[Step]:
+    def march(self, dt: float = 0.02, *, most: int = 60, progress: str | None = None) -> Iterator[Step]:
         """Relax in steps of dt (s), then go on until it is at rest, in `most` steps at most; yields each.
 
         History on the way there is forgotten: it is that of no real dressing. Raises StepFailed where it does not come

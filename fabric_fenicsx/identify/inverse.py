@@ -38,7 +38,7 @@ DOWN = 0.3  # part of the peak stress down to which the way back is followed
 
 
 def shear(
-    found: Identified, mesh: str | Path, cells: tuple[int, int] | None = None, ends: str = "clamped", steps: int = 8
+    found: Identified, mesh: str | Path, cells: tuple[int, int] | None = None, *, ends: str = "clamped", steps: int = 8
 ) -> Identified:
     """The same, with the shear curve found on the strip of `meshes/strip.geo`, or of one with its numbers and groups.
 
@@ -192,7 +192,13 @@ class _Search:
         scene, forces = self.scene, []
         if scene is None:
             scene = self.scene = specimen.strip(
-                self.domain, fabric, Woven(fabric), np.pi / 4, self.ends, self.degree, quadrature=self.quadrature
+                self.domain,
+                fabric,
+                Woven(fabric),
+                np.pi / 4,
+                ends=self.ends,
+                degree=self.degree,
+                quadrature=self.quadrature,
             )
         else:
             scene.renew(Woven(fabric))

@@ -19,10 +19,10 @@ def make(
     tests: str | Path,
     out: Path,
     shear: str = "photographs",
+    *,
     mesh: Path | None = None,
     ends: str = "clamped",
     say: Callable[[str], object] = print,
-    *,
     per_width: str | None = None,
 ) -> tuple[Path, Fabric]:
     """Identify the fabric of a list of tests; the path of its file, and the fabric.

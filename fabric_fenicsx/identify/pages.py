@@ -82,7 +82,7 @@ def _recorded(found: Identified, fabric: Fabric | None) -> list[tuple[str, "Figu
     panels = [(way, record) for way, _, own in _files(found) for record in own]
     if not panels:
         return []
-    figure, axes = plots.panels(COLUMNS, -(-len(panels) // COLUMNS), 2.75, 2.3)
+    figure, axes = plots.panels(COLUMNS, -(-len(panels) // COLUMNS), width=2.75, height=2.3)
     for one, (way, record) in zip(axes, panels, strict=False):
         some = slice(None, None, max(1, len(record.force) // SHOWN))
         one.plot(1e3 * record.displacement[some], record.force[some], ".", ms=2.5, color="0.55", label="reading")
@@ -115,7 +115,7 @@ def _photographs(found: Identified, simulated: Simulated | None) -> list[tuple[s
             shown[way] = photograph, float(own[0].displacement.max())
     if not shown:
         return []
-    figure, axes = plots.panels(2 if simulated else 1, len(shown), 4.1 if simulated else 8.2, 2.6)
+    figure, axes = plots.panels(2 if simulated else 1, len(shown), width=4.1 if simulated else 8.2, height=2.6)
     across = len(axes) // len(shown)
     for k, (way, (photograph, reach)) in enumerate(shown.items()):
         row = axes[k * across : (k + 1) * across]

@@ -37,7 +37,9 @@ def strips(mesh: Path, cells: tuple[int, int] | None = None) -> Simulate:
             domain = meshing.read(
                 mesh, MPI.COMM_SELF, gdim=2, orient=False, nx=nx, ny=ny, length=strip.gauge_length, width=strip.width
             )
-            known[key] = specimen.strip(domain, fabric, law, angle, "clamped", degree, quadrature=quadrature)
+            known[key] = specimen.strip(
+                domain, fabric, law, angle, ends="clamped", degree=degree, quadrature=quadrature
+            )
         scene, forces = known[key], []
         with warnings.catch_warnings():
             warnings.filterwarnings("ignore", message=".*is beyond the measured")
@@ -53,7 +55,7 @@ def picture(mesh: Path, fabric: Fabric, strip: Strip, angle: float, displacement
     length, width = strip.gauge_length, strip.width
     domain = meshing.read(mesh, MPI.COMM_SELF, gdim=2, nx=18, ny=6, length=length, width=width)
     turn = np.radians(angle)
-    scene = specimen.strip(domain, fabric, Potential(fabric), turn, ends, degree=2)
+    scene = specimen.strip(domain, fabric, Potential(fabric), turn, ends=ends, degree=2)
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", message=".*is beyond the measured")
         for _ in statics.march(scene.solver, scene.pull, list(np.linspace(0, displacement, 11)[1:])):

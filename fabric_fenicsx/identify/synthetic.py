@@ -22,7 +22,7 @@ PHOTOGRAPHS = 40  # of the dots, while the strip is loaded, and 5 at rest
 ANGLES = {"warp": 0.0, "weft": 90.0, "bias": 45.0}
 
 
-def write(fabric: Fabric, folder: str | Path, specimens: int = 3, noise: float = 0.02, seed: int = 2010) -> Path:
+def write(fabric: Fabric, folder: str | Path, specimens: int = 3, *, noise: float = 0.02, seed: int = 2010) -> Path:
     """Write the records of all tests and the list of them, `tests.toml`, whose path is returned.
 
     `noise` is the standard deviation, over the largest value of a test, of the noise on the force, on the shear angle

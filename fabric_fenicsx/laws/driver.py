@@ -49,6 +49,7 @@ def mixed(
     targets: ArrayLike,
     prescribed: Sequence[str],
     angle: float = 0.0,
+    *,
     rtol: float = 1e-10,
     max_iterations: int = 25,
     max_halvings: int = 10,

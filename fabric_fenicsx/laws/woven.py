@@ -52,6 +52,7 @@ class Woven:
         self,
         fabric: "Fabric",
         poisson: str = "measured",
+        *,
         shear_hysteresis: bool = True,
         coupling: str = "measured",
         ramp: float = RAMP,

@@ -66,6 +66,7 @@ class Fields:
         self,
         time: float,
         title: str = "",
+        *,
         at_nodes: Mapping[str, Array] | None = None,
         bodies: Sequence[Solid] = (),
         **cell_values: Array,

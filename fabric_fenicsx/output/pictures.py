@@ -76,6 +76,7 @@ def picture(
     cell_values: Array,
     label: str,
     title: str = "",
+    *,
     view: tuple[float, float, float] = VIEW,
     limits: tuple[float, float] | None = None,
     box: tuple[float, ...] | None = None,
@@ -93,7 +94,8 @@ def picture(
     if shown is not None:
         shown.bodies = [(body.points, body.faces) for body in bodies]
     results.on_root(
-        u.function_space.mesh.comm, lambda: draw(path, shown, label, title, view, limits, box) if shown else None
+        u.function_space.mesh.comm,
+        lambda: draw(path, shown, label, title, view=view, limits=limits, box=box) if shown else None,
     )
 
 
@@ -102,6 +104,7 @@ def draw(
     shape: Shape,
     label: str,
     title: str = "",
+    *,
     view: tuple[float, float, float] = VIEW,
     limits: tuple[float, float] | None = None,
     box: tuple[float, ...] | None = None,
@@ -114,13 +117,14 @@ def draw(
     from PIL import Image
 
     with files.whole(path) as rough:
-        Image.fromarray(page(shape, label, title, view, limits, box)).save(rough)
+        Image.fromarray(page(shape, label, title, view=view, limits=limits, box=box)).save(rough)
 
 
 def page(
     shape: Shape,
     label: str,
     title: str = "",
+    *,
     view: tuple[float, float, float] = VIEW,
     limits: tuple[float, float] | None = None,
     box: tuple[float, ...] | None = None,

@@ -122,7 +122,9 @@ class Recorder:
             self.sheet.displacement()  # brings it up to date
             title = ", ".join(filter(None, (self._title, self._when(step))))
             nodes = {} if self._touch is None else {PRESSURE: self._touch.pressure()}
-            self._fields.write(self._at(step), title, nodes, drawn(self._touch), **cell_values(self.sheet))
+            self._fields.write(
+                self._at(step), title, at_nodes=nodes, bodies=drawn(self._touch), **cell_values(self.sheet)
+            )
             self._numbers.append(step.number)
         return self.table.rows[-1]
 
@@ -151,7 +153,7 @@ class Recorder:
         if self._picture is not None:
             known = self._picture in self._numbers
             number = self._numbers.index(self._picture) - len(self._numbers) if known else -1
-            series.picture(self.folder / "deformed.png", number, self._colour)
+            series.picture(self.folder / "deformed.png", number, colour=self._colour)
         if self._film:
             series.film(self.folder / "animation.gif", self._colour)
 

@@ -66,15 +66,16 @@ class Series:
         self,
         path: Path,
         number: int = -1,
+        *,
         colour: str = "yarn",
         view: tuple[float, float, float] | None = None,
     ) -> None:
         """Draw a step; view: from the sheet to the eye, by default that of the run."""
         shape = self.shape(number, colour)
-        pictures.draw(path, shape, LABELS[colour], shape.title, view or shape.view)
+        pictures.draw(path, shape, LABELS[colour], shape.title, view=view or shape.view)
 
     def film(
-        self, path: Path, colour: str = "yarn", view: tuple[float, float, float] | None = None, most: int = 50
+        self, path: Path, colour: str = "yarn", *, view: tuple[float, float, float] | None = None, most: int = 50
     ) -> list[int]:
         """Put at most so many steps, from the first to the last, into a .gif or .mp4, of one scale and one camera.
 
@@ -97,7 +98,7 @@ class Series:
         places = np.concatenate([shape.in_sight() for shape in shapes])
         box = tuple(np.column_stack([places.min(axis=0), places.max(axis=0)]).ravel())
         limits = min(s.values.min() for s in shapes), max(s.values.max() for s in shapes)
-        pages = [pictures.page(s, LABELS[colour], s.title, view or s.view, limits, box) for s in shapes]
+        pages = [pictures.page(s, LABELS[colour], s.title, view=view or s.view, limits=limits, box=box) for s in shapes]
         _write_film(path, [page[::2, ::2] for page in pages], seconds=5.0)
         return sorted(left_out)
 

@@ -103,7 +103,7 @@ def _begin(s: Settings, photo: Path, first: Array) -> tuple[marks.Look, Array]:
     if min(cut.shape) < 20:
         raise InputError(f"The region {x},{y},{end},{below} holds nothing of {photo}; give x0,y0,x1,y1 in pixels.")
     try:
-        look = marks.look(cut, s.kind, s.dark, s.widest)
+        look = marks.look(cut, kind=s.kind, dark=s.dark, widest=s.widest)
     except InputError as error:
         raise InputError(f"{photo}: {error}.") from error
     found = marks.Picture(cut, look).marks() + [max(x, 0), max(y, 0)]

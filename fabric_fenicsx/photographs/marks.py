@@ -64,7 +64,7 @@ def contrast(light: Array, widest: int, dark: bool = True) -> Array:
     return np.asarray(found, dtype=np.float32)
 
 
-def look(light: Array, kind: str | None = None, dark: bool | None = None, widest: int | None = None) -> Look:
+def look(light: Array, *, kind: str | None = None, dark: bool | None = None, widest: int | None = None) -> Look:
     """How the marks of the first photograph look; what is not given is found. Raises InputError where there are none.
 
     The marks are the largest family of pieces of about the same area, over all levels of contrast.

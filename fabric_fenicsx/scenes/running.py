@@ -65,7 +65,7 @@ def _start(built: Built, progress: bool) -> tuple[Iterator[Step], Any, Any]:
     scene, name = built.scene, built.scene.title if progress else None
     if scene.dynamic:
         motion, _ = built.cloth.newmark(
-            built.areal_mass, built.bcs, built.acting, scene.rho, scene.damping, set_load=built.set_load
+            built.areal_mass, built.bcs, built.acting, rho=scene.rho, damping=scene.damping, set_load=built.set_load
         )
         return motion.march(scene.end, scene.step, scene.smallest, name), motion.solver, motion
     solver, parts, last = built.cloth.equilibrium(built.bcs, built.acting), [], 0.0

@@ -97,6 +97,7 @@ def arc_length(
     set_load: Callable[[float], None],
     first: float,
     start: float = 0.0,
+    *,
     wanted: int = 4,
     longest: float = math.inf,
     smallest: float = 1 / 256,

@@ -29,6 +29,7 @@ class March:
         set_load: Callable[[float], None],
         loads: Sequence[float],
         start: float = 0.0,
+        *,
         smallest: float = 1 / 64,
         progress: str | None = None,
     ) -> None:

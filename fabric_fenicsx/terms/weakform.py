@@ -171,6 +171,7 @@ def shear_stiffness(
     moduli: tuple[Expr | float, Expr | float],
     thickness: Expr | float,
     reach: float = SHEAR_REACH,
+    *,
     bending: Expr | float | None = None,
     curvature: Expr | None = None,
 ) -> Expr:
@@ -192,6 +193,7 @@ def shear_variation(
     modulus: Expr | float,
     thickness: Expr | float,
     reach: float = SHEAR_REACH,
+    *,
     bending: Expr | float | None = None,
     curvature: Expr | None = None,
 ) -> Expr | float:

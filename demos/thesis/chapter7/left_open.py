@@ -14,7 +14,7 @@ DRAPE = "drape continuous"
 @block("7.2.1 Axial tests in warp and weft", "How large may Poisson's ratios be? Table 7.4")
 def table_7_4(r):
     found = r.fabrics("ratios", ("duck", "muslin"))
-    figure, axes = plots.panels(len(found), 1, 3.8, 3.0)
+    figure, axes = plots.panels(len(found), 1, width=3.8, height=3.0)
     rows, words = [], []
     for one, (name, answer) in zip(axes, found.items(), strict=True):
         values = r.settings(f"ratios {name}")["values"]
@@ -197,7 +197,7 @@ def energy(r):
 def increments(r):
     points, strips = r.fabrics("steps"), {name: r.get(f"increments {name}") for name in NAMES}
     strips = {name: answer for name, answer in strips.items() if answer}
-    figure, (one, two) = plots.panels(2, 1, 3.8, 3.2)
+    figure, (one, two) = plots.panels(2, 1, width=3.8, height=3.2)
     rows, orders, exact = [], [], 0.0
     counts = points[next(iter(points))]["warp"]["steps"]
     for name, answer in points.items():

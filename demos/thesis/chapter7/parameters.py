@@ -30,7 +30,7 @@ def miss(found, printed):
 @block(SECTION, "Curves along the yarns; Table 7.1")
 def tension(r):
     found = r.fabrics("material", ORDER)
-    figure, axes = plots.panels(len(found), 1, 2.6, 2.6)
+    figure, axes = plots.panels(len(found), 1, width=2.6, height=2.6)
     rows, worst = [], 0.0
     for one, (name, answer) in zip(axes, found.items(), strict=True):
         printed = SAID["table_7_1"][name]
@@ -74,7 +74,7 @@ def tension(r):
 @block(SECTION, "Shear; Table 7.3")
 def shear(r):
     found = r.fabrics("material", ORDER)
-    figure, axes = plots.panels(len(found), 1, 2.6, 2.6)
+    figure, axes = plots.panels(len(found), 1, width=2.6, height=2.6)
     rows, worst = [], 0.0
     for one, (name, answer) in zip(axes, found.items(), strict=True):
         printed, curve = SAID["table_7_3"][name], answer["shear"]
@@ -188,7 +188,7 @@ def table_7_5(r):
 @block("7.4 Discussion", "The linear law beside the measured one")
 def linear(r):
     answer, cycles = r["material blend"], r["cycles blend"]
-    figure, axes = plots.panels(2, 1, 3.8, 3.0)
+    figure, axes = plots.panels(2, 1, width=3.8, height=3.0)
     rows = []
     for one, way in zip(axes, ("warp", "weft"), strict=True):
         curve, n = answer[way], len(answer[way]["fitted_MPa"])

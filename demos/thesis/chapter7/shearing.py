@@ -21,7 +21,7 @@ def named(shots):
 @block(BIAS, "Bias tests of the four fabrics")
 def bias(r):
     found = r.fabrics("cycles")
-    figure, axes = plots.panels(len(found), 1, 2.6, 2.7)
+    figure, axes = plots.panels(len(found), 1, width=2.6, height=2.7)
     rows, misses = [], []
     for one, name in zip(axes, found, strict=True):
         variants, told = tests(r, name), SAID["bias"][name]
@@ -68,7 +68,7 @@ def off_axis(r):
     found = r.fabrics("off axis", ("blend", "denim"))
     asked = r.settings(f"off axis {next(iter(found))}")
     coarse, *finer = ("x".join(map(str, cells)) for cells in asked["meshes"])
-    figure, axes = plots.panels(len(found) * len(asked["angles"]), 1, 2.6, 2.7)
+    figure, axes = plots.panels(len(found) * len(asked["angles"]), 1, width=2.6, height=2.7)
     axes, rows, moved = list(axes), [], []
     for name, answer in found.items():
         style = looks(name)
@@ -115,7 +115,7 @@ def off_axis(r):
 def _shear(r, cycle, title, number, say):
     answer = r[f"shear {cycle} blend"]
     steps = r.settings(f"shear {cycle} blend")["steps"]
-    figure, (one, two) = plots.panels(2, 1, 3.8, 3.0)
+    figure, (one, two) = plots.panels(2, 1, width=3.8, height=3.0)
     curve = fabrics.load("blend").shear
     for axes, law in (one, "continuous"), (two, "printed"):
         history = answer[law]["history"]

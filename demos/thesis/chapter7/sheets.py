@@ -19,7 +19,7 @@ DRAPE, POKE = "7.3.2 Draping fabric from four corners", "7.3.3 Poking fabric"
 def stretch(r):
     found = r.fabrics("stretch", ("blend", "denim"))
     asked = r.settings(f"stretch {next(iter(found))}")
-    figure, axes = plots.panels(len(found), 1, 3.8, 3.2)
+    figure, axes = plots.panels(len(found), 1, width=3.8, height=3.2)
     rows = []
     for one, (name, answer) in zip(axes, found.items(), strict=True):
         given, factor = fabrics.load(name), 1 / (1 - np.prod(fabrics.load(name).poisson["measured"]))
@@ -95,7 +95,7 @@ def drape(r):
     found = {name: answer for name, answer in found.items() if answer}
     blend = r["drape continuous blend"]
     asked = r.settings("drape continuous blend")
-    figure, (one,) = plots.panels(1, 1, 5.5, 3.0)
+    figure, (one,) = plots.panels(1, 1, width=5.5, height=3.0)
     rows = []
     for name, answer in found.items():
         fabric, printed = name.split(",")[0], "printed" in name
@@ -146,7 +146,7 @@ def poke(r):
     svk, law = r["poke svk blend"], r["poke continuous blend"]
     asked = r.settings("poke svk blend")
     given, rows, words = fabrics.load("blend"), [], []
-    figure, axes = plots.panels(2, 1, 3.8, 3.1)
+    figure, axes = plots.panels(2, 1, width=3.8, height=3.1)
     for one, (element, k, yarn) in zip(axes, ((207, 1, "warp"), (271, 2, "weft")), strict=True):
         peak = 0.0
         for name, answer, style in (
@@ -208,7 +208,7 @@ def poke(r):
 
 def _grid():
     """The element numbers of Figure 7-32."""
-    figure, (axes,) = plots.panels(1, 1, 4.2, 4.2)
+    figure, (axes,) = plots.panels(1, 1, width=4.2, height=4.2)
     axes.grid(False)
     colors = np.ones((20, 20, 3))
     colors[8:12, 8:12] = (0.75, 0.85, 1.0)

@@ -103,7 +103,7 @@ def cycle_block(fabric):
     def write(r):
         found = tests(r, fabric)
         given, steps = fabrics.load(fabric), r.settings(f"cycles {fabric}")["steps"]
-        figure, axes = plots.panels(3, 1, 3.4, 3.1)
+        figure, axes = plots.panels(3, 1, width=3.4, height=3.1)
         draw(r, found, fabric, ("warp", "weft", "bias"), axes)
         plots.legend(figure, 3)
         names = {
@@ -199,7 +199,7 @@ def buckled(r):
 @block(YARNS, "Contraction across the load")
 def across(r):
     found = r.fabrics("cycles")
-    figure, axes = plots.panels(len(found), 1, 2.6, 2.7)
+    figure, axes = plots.panels(len(found), 1, width=2.6, height=2.7)
     rows, words, shares = [], [], []
     for one, name in zip(axes, found, strict=True):
         variants, style = tests(r, name), looks(name)
@@ -250,7 +250,7 @@ def across(r):
 def reload(r):
     answer = r["reload blend"]
     test, steps = answer["clamped continuous"], r.settings("reload blend")["steps"]
-    figure, (one, two) = plots.panels(2, 1, 3.8, 3.0)
+    figure, (one, two) = plots.panels(2, 1, width=3.8, height=3.0)
     for axes, ends in (one, "clamped"), (two, "free"):
         now = answer[f"{ends} continuous"]
         trace_fit(axes, "blend", "warp", max(now["history"]["axial_strain"]))

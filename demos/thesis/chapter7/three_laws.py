@@ -44,7 +44,7 @@ def points(r):
 @block(THREE, "Strips between clamps")
 def clamped(r):
     found, rows = r.fabrics("clamped"), []
-    figure, axes = plots.panels(2 * len(found), len(found), 3.6, 2.6)
+    figure, axes = plots.panels(2 * len(found), len(found), width=3.6, height=2.6)
     panels = iter(axes)
     for fabric, answer in found.items():
         given = fabrics.load(fabric)
