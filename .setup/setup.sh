@@ -61,7 +61,7 @@ rm -rf .venv
 "$python" -m venv .venv
 pip_install() { .venv/bin/python -m pip --disable-pip-version-check install -q -c .setup/constraints.txt "$@"; }
 pip_install setuptools # pinned too: it builds the two packages that are not wheels
-pip_install --no-build-isolation -e '.[wheel,dev,contact,photos,patterns]'
+pip_install --no-build-isolation -e '.[wheel,dev,contact,photos,patterns,peers]'
 # It asks for fenics-dolfinx, a name that the index does not have; the wheel above is the same DOLFINx.
 pip_install --no-build-isolation --no-deps dolfinx-external-operator
 # The stamp comes last and after a proof: a set-up that was interrupted or does not work is made anew.

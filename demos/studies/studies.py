@@ -21,7 +21,7 @@ from fabric_fenicsx import system
 from fabric_fenicsx.app import command
 from fabric_fenicsx.errors import InputError
 
-WIDTHS = {"case": 16, "worst": 13, "computed": 12, "reference": 12}
+WIDTHS = {"program": 16, "method": 28, "case": 16, "worst": 13, "computed": 12, "reference": 12}
 
 
 def show(rows, head=True):
