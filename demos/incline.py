@@ -27,7 +27,7 @@ from fabric_fenicsx import plots
 from fabric_fenicsx.app import command
 from fabric_fenicsx.contact import bodies
 from fabric_fenicsx.contact.contact import Contact
-from fabric_fenicsx.contact.planes import coulomb
+from fabric_fenicsx.contact.planes import coulomb, start_of_slip
 from fabric_fenicsx.errors import InputError
 from fabric_fenicsx.output import results
 from fabric_fenicsx.surfaces import meshing
@@ -38,7 +38,8 @@ SWEEP = (1e-4, 3e-4, 1e-3, 3e-3, 1e-2)  # m/s
 
 
 def law(static, kinetic, part):
-    """The coefficient at a part of the slip speed."""
+    """The coefficient at a part of the slip speed; static: its peak."""
+    static = start_of_slip(static, kinetic)
     return float(coulomb(np.array([part]), 1.0, static, kinetic)[0][0]) * part
 
 

@@ -40,7 +40,7 @@ Rooms, in the order in which a scene goes through them, and their names; each ro
 - `solvers.energy`: where the work goes: `Ledger`; `solvers.checkpoint`: `save`, `load`, `guard`
 - `output.recording`: all that a run leaves behind, in one line: `Recorder`; `output.showing`: `Plain`
 - `contact.contact`: of a sheet with bodies and with itself: `Contact`; `contact.bodies`: `Plane`, `Sphere`, `Cylinder`,
-  `Capsule`, `Box`, `Ring`, `Surface`; `contact.planes`: friction: `coulomb`
+  `Capsule`, `Box`, `Ring`, `Surface`; `contact.planes`: friction: `coulomb`, `start_of_slip`
 - `contact.deforming`: bodies as frames tell: `Deforming`
 - `garments.panels`: of a pattern: `Panel`, `Edge`, `Flat`, `Rolled`; `garments.sewing`: `sew`, `Seam`, `Garment`
 - `garments.dressing`: onto the body, and from there on: `Dressing`, `worn`; `garments.limbs`: `arm`, `leg`

@@ -7,7 +7,7 @@ from test_contact import G, H, M, square
 
 from fabric_fenicsx.contact import bodies
 from fabric_fenicsx.contact.contact import Contact
-from fabric_fenicsx.contact.planes import coulomb
+from fabric_fenicsx.contact.planes import coulomb, start_of_slip
 
 MU, SLIP = 0.3, 1e-3
 
@@ -92,6 +92,13 @@ def test_the_coefficient_is_that_of_the_toolkit():
     assert h * slid == pytest.approx(expected)
     after, before = (coulomb(slid * (1 + e), 1e-4, 0.5, 0.3)[0] for e in (1e-6, -1e-6))
     assert bend == pytest.approx((after - before) / (2e-6 * slid**2), rel=1e-6)
+
+
+@pytest.mark.parametrize("static", [0.3, 0.301, 0.33, 0.36, 0.5, 2.0])
+def test_friction_peaks_at_the_static_coefficient(static):
+    y = np.linspace(1e-3, 1.5, 5000)
+    mu = coulomb(y, 1.0, start_of_slip(static, 0.3), 0.3)[0] * y
+    assert mu.max() == pytest.approx(static, rel=1e-5) and mu[-1] == pytest.approx(0.3)
 
 
 def test_explicit_motion_touches_keeps_energy_and_bounces():

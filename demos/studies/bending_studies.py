@@ -193,12 +193,13 @@ def records(args, out):
     for name, path in (("known", true), ("identified", again)):
         words = argparse.Namespace(fabric=str(path), law="svk", B=None, percentile=None, mass=None, element="mitc4",
                                    cell=20.0 if args.quick else 10.0, imperfection=1.0, rho=0.0, damping=25.0,
+                                   contact=False,
                                    step=20.0 if args.quick else 12.5, end=0.8 if args.quick else 1.0)  # fmt: skip
         material = Cloth(words)
         found = []
         for seed in range(1 if args.quick else args.seeds):
             folder = results.folder(out / f"{name}_seed{seed}")
-            radii, table, ledger, _ = cusick.drape(words, material, seed, folder)
+            radii, table, ledger, *_ = cusick.drape(words, material, seed, folder)
             found.append(table.column("drape_coefficient")[-1])
             count = cusick.folds(radii)[0] if radii is not None else 0
             rows.append({"case": name, "seed": seed, "drape_coefficient": found[-1], "folds": count,

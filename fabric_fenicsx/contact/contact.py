@@ -14,6 +14,7 @@ from .coefficients import Coefficients, Directions
 from .collisions import Collisions
 from .free_bodies import FreeBodies
 from .friction import Friction
+from .planes import start_of_slip
 from .pressure import pressures
 from .skin import Skin
 from .surroundings import Surroundings
@@ -77,6 +78,7 @@ class Contact:
         kinetic, most = np.broadcast_to(friction, 2).astype(float), np.broadcast_to(static, 2).astype(float)
         if not (np.isfinite(most).all() and (kinetic >= 0.0).all() and (kinetic <= most).all()):
             raise InputError(f"Friction {friction!r} and static friction {static!r} must be 0 <= friction <= static.")
+        most = np.array([start_of_slip(*pair) for pair in zip(most, kinetic, strict=True)])
         self.assumed, stiffness = stiffness is None, stiffness or _stopping(sheet, skin.rest, bodies, self.reach)
         self.stiffness = stiffness
         positive = {"offset": self.offset, "reach": self.reach, "stiffness": stiffness, "slip": slip, "creep": creep}

@@ -10,6 +10,7 @@ from collections.abc import Sequence
 
 import numpy as np
 import scipy.sparse
+from scipy.optimize import brentq
 
 from ..laws import Array
 from .bodies import Plane
@@ -33,6 +34,22 @@ def coulomb(slid: Array, length: float, static: Array | float, kinetic: Array | 
     h = np.where(sliding, kinetic / np.where(sliding, slid, 1.0), mu * (2 - y) / length)
     bend = (rise * (2 - y) - mu / np.where(sliding, 1.0, np.maximum(y, 1e-12))) / length**3
     return h, np.where(sliding, -kinetic / np.where(sliding, slid, 1.0) ** 3, bend)
+
+
+def start_of_slip(static: float, kinetic: float) -> float:
+    """The coefficient from which `coulomb` starts so that its peak is the static one.
+
+    Growing and falling overlap, so that a start at the static coefficient itself would peak below it, or not at all.
+    Raises ValueError for a static coefficient below the kinetic one.
+    """
+    if static == kinetic:
+        return kinetic
+    y = np.linspace(1e-3, 1.0, 2000)
+
+    def peak(start: float) -> float:
+        return float(np.max(coulomb(y, 1.0, start, kinetic)[0] * y))
+
+    return float(brentq(lambda start: peak(start) - static, kinetic, 4 * static, xtol=1e-12))
 
 
 class Planes:
