@@ -32,7 +32,8 @@ Rooms, in the order in which a scene goes through them, and their names; each ro
 - `terms.term`: what a residual is a sum of: `Term`; `terms.form`: a UFL form as one: `FormTerm`, `from_energy`
 - `terms.work`: a shell's work without a form: `InternalWork`; `terms.points`: a law at points: `LawPoints`
 - `solvers.statics`: equilibrium: `StaticSolver`, `march`; `solvers.marching`: kept by checkpoints: `March`
-- `solvers.descent`: statics downhill to a stable state: `StableSolver`; `solvers.pivots`: its factors
+- `solvers.pivots`: factors that are positive definite; `solvers.foreseen`: strains as unknowns of their own
+- `solvers.descent`: statics downhill to a stable state: `StableSolver`
 - `solvers.continuation`: loads that must fall: `arc_length`
 - `solvers.linear`: how their linear systems are solved: `DIRECT`, `LAGGED`, `ITERATIVE`, `IN_MOTION`
 - `solvers.newmark`: implicit motion: `Newmark`; `solvers.explicit`: `CentralDifference`

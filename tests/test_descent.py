@@ -12,6 +12,7 @@ from dolfinx import fem
 from fabric_fenicsx import fabrics, sheet
 from fabric_fenicsx.errors import InputError
 from fabric_fenicsx.laws.potential import Potential
+from fabric_fenicsx.laws.svk import StVenantKirchhoff
 from fabric_fenicsx.laws.woven import Woven
 from fabric_fenicsx.solvers import descent, linear
 from fabric_fenicsx.surfaces import meshing
@@ -77,6 +78,41 @@ def test_a_strip_buckles_and_comes_back():
     row = STUDY["run"]("buckled strip of blend", "energy", steps=3)
     assert row["steps"] == 6 and row["cuts"] == 0 and row["negative"] == 0 and row["lowest"] > 0.0
     assert row["height_m"] == pytest.approx(0.042, abs=0.002)
+
+
+@pytest.mark.parallel
+def test_a_slender_strip_that_hangs_down_takes_few_iterations():
+    """310 without strains of their own."""
+    row = STUDY["run"]("cantilever of muslin", "energy")
+    assert row["cuts"] == 0 and row["iterations"] <= 90 and row["negative"] == 0 and row["lowest"] > 0.0
+    assert row["height_m"] == pytest.approx(0.0919, abs=1e-5)
+
+
+@pytest.mark.parallel
+def test_strains_are_foreseen_to_first_order():
+    """Against differences; and a law that is linear has the same forces about any strain."""
+    own = cloth(StVenantKirchhoff.isotropic(1e8, 0.3))
+    term, q = own.terms[0], own.q.x.array
+    change = 1e-2 * np.sin(np.arange(len(q)))
+    q += 0.3 * change[::-1]
+    term.evaluate()
+    part, force, foreseen = term._parts[0], np.zeros((2, len(q))), []
+    term.add_force(force[0])
+    here = part.strain.copy()
+    for size in (1e-4, -1e-4):
+        q += size * change
+        term.evaluate()
+        foreseen.append(part.strain.copy())
+        q -= size * change
+    term.evaluate()
+    term.foresee(change)
+    slope = (foreseen[0] - foreseen[1]) / 2e-4
+    assert np.abs(part._foreseen - here - slope).max() < 1e-10 * np.abs(slope).max()
+    term.linearise(1.0)
+    term.add_force(force[1])
+    assert np.abs(force[1] - force[0]).max() < 1e-13 * np.abs(force[0]).max()
+    term.linearise(0.0)
+    assert np.abs(part.stress - part._foreseen @ part.tangent[0, 0]).max() < 1e-13 * np.abs(part.stress).max()
 
 
 def test_what_has_no_energy_is_left_to_newton():

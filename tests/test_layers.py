@@ -41,7 +41,7 @@ FLOORS = [
             {"linear", "continuation", "checkpoint", "reactions", "tangent", "failures"},
             {"marching", "motion", "leading"},
             {"unknowns", "drag"},
-            {"statics"},
+            {"statics", "foreseen"},
             {"descent"},
             {"step", "stable_step", "stepper"},
             {"newmark", "explicit"},

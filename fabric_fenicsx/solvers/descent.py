@@ -6,9 +6,11 @@ Where every term has a potential, a step from the last commit has an energy
 
 and the signs of D in K = L D L' tell whether K is positive definite. Where it is not, K + sigma M is solved with, sigma
 being just large enough (`pivots`). A correction is shortened until E falls (Armijo). Where K is positive definite,
-whole steps are tried first, and E may rise for a few (watchdog, Chamberlain et al. 1982, doi 10.1007/BFb0120945): a
-straight step stretches a slender sheet that bends. In balance K is looked at again: where it has a negative pivot, the
-sheet goes along the lowest mode, as far as E falls, and descends from there.
+whole steps are tried first, and E may rise for a few (watchdog, Chamberlain et al. 1982, doi 10.1007/BFb0120945). In
+balance K is looked at again: where it has a negative pivot, the sheet goes along the lowest mode, as far as E falls,
+and descends from there.
+
+After a whole step strains are unknowns of their own (`foreseen`), until whole steps have not let E fall.
 """
 
 from typing import Any, Literal
@@ -20,6 +22,7 @@ from petsc4py import PETSc
 from ..errors import InputError
 from . import linear
 from .failures import SINGULAR, solve
+from .foreseen import Foreseen
 from .leading import HELD, balanced
 from .pivots import Pivots
 from .statics import OPTIONS as NEWTON
@@ -27,7 +30,7 @@ from .statics import StaticSolver
 
 MOST = 200  # iterations, if options do not say snes_max_it
 TURN = 0.8  # rad, by which a director turns at most in one: beyond pi the map of `directors` comes back
-PATIENCE = 3  # whole steps in which the energy may rise
+PATIENCE, AHEAD = 3, 10  # whole steps in which the energy may rise; where strains are unknowns of their own
 SUFFICIENT = 1e-4  # of the slope
 ROUND_OFF = 1e-10  # of the sum of the energies' sizes: below, slopes tell a change better
 ESCAPES = 5
@@ -63,6 +66,7 @@ class StableSolver(StaticSolver):
         if search == "newton" or self._options.keys() & {"ksp_type", "pc_type"}:
             self.descends = False
         self._count, self._sizes = 0, 0.0
+        self._foreseen = Foreseen(self.terms, self._unknowns)
         self._pivots = Pivots(self._y, self._x, self.displacements, self._given)
         self._random = [self._x.duplicate() for _ in range(2)]
         for k, v in enumerate(self._random):
@@ -87,6 +91,7 @@ class StableSolver(StaticSolver):
             if self.descends:
                 return iterations
             self._y.x.array[:], self.u.x.array[:] = here
+        self._foreseen.forget(end=True)
         return super().solve()
 
     def _look(self) -> None:
@@ -106,6 +111,7 @@ class StableSolver(StaticSolver):
     def _descend(self) -> int:
         self.begin()
         self.negative = 0
+        self._foreseen.begin()
         moved = self._move_supports()
         self._pushed, self._push = not moved, 0.0
         iterations = balanced(self.terms, self._go_down)
@@ -116,7 +122,8 @@ class StableSolver(StaticSolver):
     def _go_down(self) -> int:
         x = self._x
         b, E = self._at(x)
-        correction, escapes, rises, start = np.inf, 0, 0, None
+        correction, escapes, rises, whole = np.inf, 0, 0, True
+        start: tuple[PETSc.Vec, float, PETSc.Vec] | None = None
         for iteration in range(self._most_iterations + 1):
             self._count = iteration
             norm = b.norm()
@@ -130,32 +137,58 @@ class StableSolver(StaticSolver):
                 if escapes == ESCAPES:
                     raise self.failure("every balance is unstable")
                 escapes, rises, start, correction = escapes + 1, 0, None, np.inf
+                self._foreseen.forget()
                 b, E = self._escape(x, E, way)
                 continue
-            p = b.duplicate()
-            fault = solve(self.prepared(b), b, p)
+            b, p = b.copy(), b.duplicate()
+            right = self._right(b)
+            fault = solve(self.prepared(right), right, p)
             if fault or not self._sound:
                 raise self.failure(fault or SINGULAR)
             if not self.descends:
                 return 0
             self.linear_iterations += 1
             self._cap(p)
-            correction = self._correction if self._pivots.shift == 0.0 else np.inf
-            if self._pivots.shift == 0.0 and (start is None or rises < PATIENCE):
-                start = start or (x.copy(), E, b.copy(), p.copy())
+            definite = self._pivots.shift == 0.0
+            correction = self._correction if definite else np.inf
+            if whole and definite and (start is None or rises < (AHEAD if self._foreseen.used else PATIENCE)):
+                start = start or (x.copy(), E, b)
+                self._ahead(p)
                 x.axpy(-1.0, p)
                 b, E = self._at(x)
-                if self._falls(E, b, *start[1:3], x - start[0]):
+                if self._falls(E, b, *start[1:], x - start[0]):
                     rises, start = 0, None
                 else:
                     rises += 1
                 if np.isfinite(E):
                     continue
-            if start is not None:  # back to where energy was lowest
-                (at, E, b, p), start, rises = start, None, 0
-                at.copy(x)
-            b, E = self._search(x, E, b.copy(), p)
+            if start is None and b.dot(p) > 0.0:
+                b, E = self._search(x, E, b, p)
+                whole = True
+            else:
+                if start is not None:  # back to where energy was lowest, and from there down
+                    (at, E, b), start, rises, whole = start, None, 0, False
+                    at.copy(x)
+                    self._foreseen.forget(end=True)
+                b = self._at(x)[0]
+            self._foreseen.forget()
         raise self.failure("too many iterations")
+
+    def _ahead(self, correction: PETSc.Vec) -> None:
+        self._foreseen.keep(correction)
+
+    def _right(self, b: PETSc.Vec) -> PETSc.Vec:
+        """What to solve with at residual b."""
+        if not self._foreseen.known:
+            return b.copy()
+        self._seen = None  # terms will not be as they were evaluated
+        try:
+            self._foreseen.linearise()
+        except Exception as error:
+            self._fault = error
+        if self.comm.allreduce(self._fault is not None, MPI.LOR):
+            raise self.failure("a law failed")
+        return self._foreseen.right(b, self._given)
 
     def _search(self, x: PETSc.Vec, E: float, b: PETSc.Vec, p: PETSc.Vec) -> tuple[PETSc.Vec, float]:
         """From x along -p to a lower energy: residual and energy there."""

@@ -102,8 +102,6 @@ class StaticSolver(Reactions):
         """Set the unknowns from x."""
         self._unknowns.take(x)
 
-    impulses = 1.0  # what forces of impulsive terms count in a residual
-
     def _residual(self, snes: PETSc.SNES, x: PETSc.Vec, b: PETSc.Vec) -> None:
         # never raise in here: whatever fails, on any rank, must fail the step on every rank
         if self._seen is not None and self.comm.allreduce(self._sound and self._is_at(x.array_r), MPI.LAND):
@@ -145,6 +143,7 @@ class StaticSolver(Reactions):
         self.tangent.eliminate(self._given_rows, self.symmetric, right)
         self._sound = self.tangent.sound()  # else the next residual is NaN
 
+    impulses = 1.0  # what forces of impulsive terms count in a residual
     rate: Rate | None = None  # of `step`: velocity, its derivative by u
 
     @property
@@ -176,10 +175,13 @@ class StaticSolver(Reactions):
             fault = fault or (HELD if self.longest_step(-correction) < 1.0 else "")
             if fault or not self._sound:
                 raise self.failure(fault or SINGULAR)
+            self._ahead(correction)
             self._x.axpy(-1.0, correction)
         # not only nearly: their columns may be out of the linear systems
         self._x.array_w[self._given] = self._targets[self._given]
         return int(far)
+
+    def _ahead(self, correction: PETSc.Vec) -> None: ...  # before it is subtracted as a whole
 
     def begin(self) -> PETSc.Vec:
         """Forget the last solve; the unknowns at the present u."""
@@ -227,8 +229,7 @@ class StaticSolver(Reactions):
             self._push, self._pushed = self._size, False
         if self._met and residual <= self.rtol * max(self.scale, self._size, self._push):
             return PETSc.SNES.ConvergedReason.CONVERGED_FNORM_RELATIVE
-        # a thin shell is so stiff in its surface that round-off alone can be more force than that; and a sheet that
-        # nothing moves is in balance
+        # round-off alone can be more force in a shell as stiff as that; a sheet that nothing moves is in balance
         if self._met and iteration > 0 and correction <= max(1e-9 * size, self._nothing):
             return PETSc.SNES.ConvergedReason.CONVERGED_SNORM_RELATIVE
         return None
@@ -293,8 +294,7 @@ class StaticSolver(Reactions):
 
     def forces(self) -> np.ndarray:
         """Residual in N at the owned unknowns of u, with no condition applied: at supports, the reactions."""
-        size = self.u.function_space.dofmap.index_map.size_local * self.u.function_space.dofmap.index_map_bs
-        return np.array(self._unknowns.add_up().array_r[:size])
+        return np.array(self._unknowns.add_up().array_r[: self._unknowns.of_q.local_size])
 
     def _unknown(self) -> fem.Function:
         return self.u

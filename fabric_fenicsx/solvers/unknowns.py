@@ -117,8 +117,10 @@ class Unknowns:
     def longest_step(self, change: PETSc.Vec) -> float:
         """The part of a change of the unknowns that all terms allow, up to 1."""
         some = limited(self._terms)
-        if not some:
-            return 1.0
+        return free_part(some, self.change(change), self._comm) if some else 1.0
+
+    def change(self, change: PETSc.Vec) -> Array:
+        """That of q (local array) to first order."""
         moved = fem.Function(self._q.function_space)
         if self.extra is not None:
             self.extra.change = self._told(change.array_r[self.owned :])
@@ -130,4 +132,4 @@ class Unknowns:
         else:
             self.of_sheet.mult(change, moved.x.petsc_vec)
         moved.x.scatter_forward()
-        return free_part(some, moved.x.array, self._comm)
+        return np.asarray(moved.x.array)

@@ -95,6 +95,12 @@ class LawPoints:
             self._respond(self.law, strain, history.committed, stress, history.trial, tangent)
         return bool(np.isfinite(stress.sum()) and (stiffest or np.isfinite(history.trial.sum())))
 
+    def linearise(self, strain: Array) -> None:
+        """Stress and tangent at another strain, of the shape of `strain`; strain and trial state stay."""
+        m = strain.shape[-1]
+        new = np.empty_like(self.history.trial)
+        self._respond(self.law, strain.reshape(-1, m), self.history.committed, self.stress.reshape(-1, m), new, True)
+
     def _respond(self, law: Law, strain: Array, state: Array, stress: Array, new: Array, tangent: bool) -> None:
         if not tangent and self._spares:
             law.respond(strain, state, (stress, np.empty(0), new), tangent=False)  # type: ignore[call-arg]

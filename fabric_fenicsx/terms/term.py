@@ -58,6 +58,15 @@ class Term:
     def add_extra_force(self, total: Array) -> None:
         """Add what it does to the unknowns of an `extra.Extra`, (count,) in N and N m, the same on every rank."""
 
+    def foresee(self, change: Array) -> None:
+        """Keep the strains e to which a change of q (local array) leads to first order."""
+
+    def linearise(self, reach: float) -> None:
+        """Have, until the next evaluation, the stress S(e) + reach C(e) (E - e) and the tangent C(e).
+
+        E is the present strain, e what was foreseen, reach 0 or 1.
+        """
+
     def pattern(self) -> tuple[Indices, Indices]:
         """Global rows and columns (n,) of the entries of its stiffness; some may come several times."""
         return NOWHERE

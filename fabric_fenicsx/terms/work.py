@@ -100,6 +100,16 @@ class InternalWork(Term):
         """See `Term.evaluate`."""
         return all([part.evaluate(tangent, stiffest) for part in self._parts])
 
+    def foresee(self, change: Array) -> None:
+        """See `Term.foresee`."""
+        for part in self._parts:
+            part.foresee(change)
+
+    def linearise(self, reach: float) -> None:
+        """See `Term.linearise`."""
+        for part in self._parts:
+            part.linearise(reach)
+
     def add_force(self, total: Array) -> None:
         """See `Term.add_force`."""
         for part in self._parts:
@@ -193,6 +203,8 @@ class _Part:
         shape = len(points), strain.ufl_shape[0]
         self._shell, self._shape, self._left = shell, (len(shell.cells), *shape), 0.0
         self._of_start: Any = None  # strains at the start, of a sheet that is relaxed
+        self._foreseen: Any = None  # strains
+        self._about: Any = None  # stress there
         self._watched: tuple[float, Array] | None = None
         self.points: LawPoints | None = None
         if isinstance(response, Expr):
@@ -238,6 +250,30 @@ class _Part:
         self.measure(self._strain)
         np.einsum("cpab,cpb->cpa", self._tangent, self._strain, out=self._stress)
         return True
+
+    def foresee(self, change: Array) -> None:
+        q, (on, back) = self._shell.q.x.array, np.empty((2, *self._shape))
+        here = q.copy()
+        for out, sign in ((on, 1.0), (back, -1.0)):
+            q[:] = here + sign * change
+            self.measure(out)
+        q[:] = here
+        self._foreseen, self._about = self.strain + 0.5 * (on - back), None  # exact, as strains are quadratic
+
+    def linearise(self, reach: float) -> None:
+        if self._about is None:
+            if self.points is None:
+                np.einsum("cpab,cpb->cpa", self._tangent, self._foreseen, out=self._stress)
+            else:
+                self.points.linearise(self._foreseen)
+            self._about = self.stress.copy()
+        way = reach * (self.strain - self._foreseen)
+        np.einsum("cpab,cpb->cpa", self.tangent, way, out=self.stress)
+        self.stress[:] += self._about
+
+    @property
+    def strain(self) -> Array:
+        return self._strain if self.points is None else self.points.strain
 
     @property
     def stress(self) -> Array:
