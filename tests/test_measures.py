@@ -13,7 +13,9 @@ from fabric_fenicsx.contact.contact import Contact
 from fabric_fenicsx.errors import InputError
 from fabric_fenicsx.garments import limbs, measures
 from fabric_fenicsx.laws.svk import StVenantKirchhoff
+from fabric_fenicsx.solvers.marching import march
 from fabric_fenicsx.surfaces import meshing
+from fabric_fenicsx.terms import supports
 
 ARM = limbs.arm(size=20e-3)
 RNG = np.random.default_rng(0)
@@ -99,9 +101,13 @@ def test_what_goes_with_a_body_does_not_slip_on_it_and_what_is_held_slips_by_its
     assert along.way == pytest.approx(0.0, abs=1e-9)
 
 
-def test_forces_on_a_body_are_those_of_its_energy():
+def square():
     domain = meshing.read(meshing.MESHES / "square.geo", MPI.COMM_SELF, side=0.3, n=4, triangles=0)
-    cloth = sheet.Sheet(domain, StVenantKirchhoff.isotropic(8e6, 0.25), 4e-4, (3.2e6, 3.2e6), element="mitc4")
+    return sheet.Sheet(domain, StVenantKirchhoff.isotropic(8e6, 0.25), 4e-4, (3.2e6, 3.2e6), element="mitc4")
+
+
+def test_forces_on_a_body_are_those_of_its_energy():
+    cloth = square()
     ball = bodies.Sphere(0.1, (0.15, 0.15, -0.102), cells=8)
     touch = Contact(cloth, [ball], reach=3e-3)
     forces = touch.forces(ball)
@@ -118,3 +124,43 @@ def test_forces_on_a_body_are_those_of_its_energy():
         energies.append(near.energy())
     assert np.sum(forces * way) == pytest.approx(-(energies[0] - energies[1]) / 2e-8, rel=1e-5)
     assert measures.middles(cloth).mean(axis=0) == pytest.approx([0.15, 0.15, 0.0])
+
+
+def test_work_of_all_bodies_is_what_the_ledger_takes_in_and_what_a_sheet_at_rest_stores():
+    """A ball rises into a sheet between two hinges, another one slides under it."""
+    cloth = square()
+    balls = [bodies.Sphere(0.1, (0.15, 0.15, -0.103), cells=8), bodies.Sphere(0.05, (0.05, 0.05, -0.053), cells=8)]
+    touch = Contact(cloth, balls, reach=3e-3, itself=False)
+    ends = "bottom", "top"
+    held = [bc for end in ends for bc in supports.hinge(cloth.domain, cloth.space, end)]
+
+    def lead(t):
+        balls[0].move((0, 0, 0.02 * t))
+        balls[1].move((0.03 * t, 0.01 * t, 0.01 * t))
+
+    solver = cloth.equilibrium(held, touch.terms)
+    effort, moments = measures.Effort(touch, solver), []
+    for _ in march(solver, lead, np.linspace(0, 1, 21)):
+        effort.step()
+        moments.append(-touch.force(balls[0])[2])
+    assert solver.descends and effort.work == pytest.approx(effort.stored, rel=1e-2) and effort.stored > 1e-3
+    assert effort.work_on[0] == pytest.approx(np.trapezoid(moments, dx=1e-3), rel=1e-6) and effort.work_on[1] > 0.0
+
+    cloth = square()
+    for ball in balls:
+        ball.move()
+    touch = Contact(cloth, balls, reach=3e-3, itself=False)
+    held = [bc for end in ends for bc in supports.hinge(cloth.domain, cloth.space, end)]
+    run, ledger = cloth.newmark(0.2, held, touch.terms, set_load=lead)
+    work, before = ledger.totals["external"], [touch.places(ball) for ball in balls]
+    for step in run.march(0.2, 0.05):
+        if step.number == 1:
+            work = ledger.totals["external"] - sum(on(touch, ball, x) for ball, x in zip(balls, before, strict=True))
+        work += sum(on(touch, ball, x) for ball, x in zip(balls, before, strict=True))
+        before = [touch.places(ball) for ball in balls]
+    assert step.step_cuts == 0 and ledger.totals["external"] == pytest.approx(work, rel=1e-9)
+
+
+def on(touch, ball, before):
+    """Work of who leads a ball in a step, by the force at its end."""
+    return -np.sum(touch.forces(ball) * (touch.places(ball) - before))

@@ -76,14 +76,27 @@ class Collisions:
             self.mesh.can_collide = kit.make_vertex_patches_filter(part)
         self.barrier = kit.BarrierPotential(kit.ClampedLogBarrier(), reach, stiffness, True)
         self._broad, self._narrow = kit.LBVH(), kit.AdditiveCCD()
-        self.set = kit.NormalCollisions()
-        self.set.collision_set_type = kit.NormalCollisions.IPC
-        self.set.use_area_weighting = True
+        self.set = self._empty()
         self._allowed = 2 * reach
         """How far a corner may go before pairs that are near are looked for again, m."""
         self.x = np.full((starts[-1], 3), np.nan)
         self._near, self._about = kit.Candidates(), np.full((starts[-1], 3), np.inf)
         self._gradient: Array | None = None
+
+    def _empty(self) -> Any:
+        found = self.kit.NormalCollisions()
+        found.collision_set_type = self.kit.NormalCollisions.IPC
+        found.use_area_weighting = True
+        return found
+
+    def at(self, x: Array) -> Any:
+        """The pairs of corners in these places (n, 3), in Fortran's order."""
+        found, near = self._empty(), self._near
+        if not np.linalg.norm(x - self._about, axis=1).max() < self._allowed:
+            near = self.kit.Candidates()
+            near.build(self.mesh, x, (self.reach + self.offset) / 2, self._broad)
+        found.build(near, self.mesh, x, self.reach, self.offset)
+        return found
 
     def place(self, x: Array, shifts: Array) -> bool:
         """Put all corners and planes in their places; False where they are not finite, and nothing then touches."""

@@ -13,7 +13,7 @@ from .bodies import Body, Plane
 from .coefficients import Coefficients, Directions
 from .collisions import Collisions
 from .free_bodies import FreeBodies
-from .friction import Friction
+from .friction import Friction, Lagged
 from .planes import start_of_slip
 from .pressure import pressures
 from .skin import Skin
@@ -46,6 +46,8 @@ class Contact:
             reach; with free bodies, at least ten times their energy, at that speed and their own, over the volume of
             the box that holds them.
         slip: m/s, creep: m, see `friction`.
+        lagged: whether friction is that of the normal force at the start of a step, see `friction.Lagged`; statics
+            needs it to go downhill.
         gravity: acceleration of free bodies by their weight, m/s2.
     """
 
@@ -62,6 +64,7 @@ class Contact:
         stiffness: float | None = None,
         slip: float = 1e-3,
         creep: float = 2e-5,
+        lagged: bool = False,
         gravity: Sequence[float] = (0.0, 0.0, 0.0),
     ) -> None:
         self.bodies, skin = list(bodies), Skin(sheet)
@@ -108,7 +111,9 @@ class Contact:
         if most.any():
             differ = np.ptp(kinetic) > 0.0 or np.ptp(most) > 0.0
             coefficients = Coefficients(most, kinetic, Directions(sheet, skin) if differ else None)
-            self._friction = [Friction(around, coefficients, slip, creep)]
+            if lagged and (differ or len(solid) < len(self.bodies)):
+                raise InputError("Lagged friction takes one coefficient, and no plane: take a box for it.")
+            self._friction = [(Lagged if lagged else Friction)(around, coefficients, slip, creep)]
         self.terms: list[Term] = [*self._friction, self._barrier, *([self.free] if self.free else [])]
 
     def describe(self) -> str:

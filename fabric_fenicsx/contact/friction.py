@@ -128,3 +128,39 @@ class Friction(PairTerm):
         """See `Term.commit`."""
         self._lost += self._step_loss()
         super().commit()
+
+
+class Lagged(Friction):
+    """Friction at the normal force of the start of a step, along the surfaces of then: it has a potential.
+
+    So statics can go downhill. It is of first order in the step, and what comes to touch slides freely until the next.
+    There is none of planes, and one coefficient for all directions.
+    """
+
+    symmetric = True
+    _since: Array | None = None
+
+    def _slid(self) -> Array:
+        """How far all corners have gone; `_pairs` is then that of the start."""
+        near, x0 = self._around.collisions, self._around.x0
+        if self._since is not x0:
+            self._since, start = x0, np.asfortranarray(x0)
+            mu = self._coefficients.static[0], self._coefficients.kinetic[0]
+            self._pairs.build(near.mesh, start, near.at(start), near.barrier, *mu)
+        return np.asfortranarray(near.x - x0)
+
+    def _forces(self) -> Array:
+        slid = self._slid()
+        if not len(self._pairs):
+            return np.zeros(slid.shape)
+        return np.asarray(self._law.gradient(self._pairs, self._around.collisions.mesh, slid).reshape(-1, 3))
+
+    def _matrices(self) -> list[Any]:
+        slid = self._slid()
+        return [self._law.hessian(self._pairs, self._around.collisions.mesh, slid)] if len(self._pairs) else []
+
+    def potential(self) -> float:
+        """See `Term.potential`."""
+        slid = self._slid()
+        mine = self._first and len(self._pairs)
+        return float(self._law(self._pairs, self._around.collisions.mesh, slid)) if mine else 0.0

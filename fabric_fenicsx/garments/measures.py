@@ -11,12 +11,13 @@ from typing import Any
 import numpy as np
 from mpi4py import MPI
 
-from ..contact.bodies import Body
+from ..contact.bodies import Body, Plane
 from ..contact.contact import Contact
 from ..errors import InputError
 from ..fabrics import Fabric
 from ..laws import Array
 from ..sheet import Sheet
+from ..solvers.statics import StaticSolver
 from ..surfaces import placing
 from .limb import Joint
 
@@ -30,6 +31,67 @@ def joint_moment(forces: Array, rates: Array) -> float:
             angle is that of all forces over the way of the skin, which bends, too.
     """
     return float(np.sum(forces * rates))
+
+
+class Effort:
+    """What it takes to lead bodies through a sheet at rest, and where it goes; a `step` after each step of a march.
+
+        effort = Effort(touch, solver)
+        for step in march(solver, arm.at, times): effort.step()
+
+    Supports are to rest. Public: `work` of those who lead the bodies, J, each corner's by the mean of the forces on it
+    at both ends of a step; `work_on`, of each body; `stored` since the start, in cloth and contact; `by_law` and
+    `by_friction`, what these took; `released`, the rest: what the sheet gave up where it snapped from one balance to
+    another, and the error of finite steps.
+    """
+
+    def __init__(self, touch: Contact, solver: StaticSolver) -> None:
+        self._touch, self._solver = touch, solver
+        self.work_on = [0.0] * len(touch.bodies)
+        self.stored, self.by_law, self.by_friction, self._start = 0.0, 0.0, 0.0, (0.0, 0.0)
+        self._last: list[tuple[Array, Array]] = []
+
+    def _look(self) -> list[tuple[Array, Array]]:
+        """Forces on all bodies and where they act; a plane is shifted as one."""
+        touch, plane = self._touch, [isinstance(body, Plane) for body in self._touch.bodies]
+        return [
+            (touch.force(body)[None], touch.places(body)[:1]) if flat else (touch.forces(body), touch.places(body))
+            for body, flat in zip(touch.bodies, plane, strict=True)
+        ]
+
+    def _energy(self) -> float:
+        terms = self._solver.terms
+        return float(self._solver.comm.allreduce(sum(term.energy() or 0.0 for term in terms)))
+
+    def step(self) -> None:
+        """After a step; the first one is that to the state from which on it counts."""
+        now, comm = self._look(), self._solver.comm
+        laws = [term for term in self._solver.terms if term.loses == "law"]
+        for k, ((f0, x0), (f1, x1)) in enumerate(zip(self._last, now, strict=bool(self._last))):
+            self.work_on[k] -= float(np.sum((f0 + f1) * (x1 - x0)) / 2)
+        taken = comm.allreduce(sum(term.dissipated() for term in laws))
+        for term in laws:
+            term.watch()
+        energy, friction = self._energy(), self._touch.lost()
+        if not self._last:
+            self._start, taken = (energy, friction), 0.0
+        self._last, self.stored, self.by_friction = now, energy - self._start[0], friction - self._start[1]
+        self.by_law += taken
+
+    @property
+    def work(self) -> float:
+        """Of all bodies."""
+        return sum(self.work_on)
+
+    @property
+    def released(self) -> float:
+        """See above."""
+        return self.work - self.stored - self.by_law - self.by_friction
+
+    def row(self) -> dict[str, float]:
+        """Columns of a history, beside the friction_J of a `Recorder`."""
+        work = {"work_J": self.work, "stored_J": self.stored, "dissipated_J": self.by_law}
+        return {**work, "released_J": self.released}
 
 
 def work(degrees: Sequence[float] | Array, moments: Sequence[float] | Array) -> Array:
