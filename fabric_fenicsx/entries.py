@@ -77,7 +77,7 @@ class Table:
             self.refuse(key, "is missing", f"write one of {', '.join(known)}")
         return self.choice(key, known)
 
-    def choice(self, key: str, known: tuple[str, ...], default: str | None = None) -> str:
+    def choice[T: str](self, key: str, known: tuple[T, ...], default: T | None = None) -> T:
         """The text `key`, one of a few; the first, or `default`, where it is left out."""
         if key not in self.entries:
             return known[0] if default is None else default
@@ -86,7 +86,7 @@ class Table:
             near = get_close_matches(value, known, n=1) if isinstance(value, str) else []
             hint = f"perhaps {near[0]!r} is meant" if near else f"known are {', '.join(known)}"
             self.refuse(key, "is not known", hint)
-        return str(value)
+        return known[known.index(value)]
 
     def number(self, key: str, value: Any) -> float:
         """`value`, which is the entry `key` or a member of it; 1e15 is as good as infinite."""

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Self
+from typing import Any, Literal, Self
 
 import numpy as np
 import ufl
@@ -13,11 +13,13 @@ from ufl.core.expr import Expr
 
 from .errors import InputError
 from .fabrics import Fabric
-from .laws import HasStiffest, HasStiffness, Law, checks, named
+from .laws import HasStiffest, HasStiffness, Law, Poisson, checks, named
 from .laws.own_bending import OwnBending
 from .laws.section import Section
 from .laws.svk import StVenantKirchhoff
 from .surfaces.meshing import Domain, name_cell
+
+type Kinematics = Literal["shell", "membrane"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -51,7 +53,7 @@ class Material:
         fabric: Fabric,
         *,
         law: str = named.DEFAULT,
-        poisson: str = "measured",
+        poisson: Poisson = "measured",
         shear_hysteresis: bool = True,
         bending: str | None = None,
         layers: int | None = None,
@@ -76,14 +78,14 @@ class Material:
         if np.isnan(self.thickness):
             object.__setattr__(self, "thickness", getattr(self.section, "thickness", math.nan))
 
-    def check(self, name: str, kinematics: str, comm: MPI.Comm) -> None:
+    def check(self, name: str, kinematics: Kinematics, comm: MPI.Comm) -> None:
         """Raise InputError, on every rank, for what cannot be a membrane or a shell; name: "", or of its group."""
         try:
             self._check(kinematics, comm)
         except InputError as error:
             raise InputError(f"The material {name!r}: {error}" if name else str(error)) from None
 
-    def _check(self, kinematics: str, comm: MPI.Comm) -> None:
+    def _check(self, kinematics: Kinematics, comm: MPI.Comm) -> None:
         flat = kinematics == "membrane"
         if self.bending is not None and (self.layers is not None or flat):
             other = "a membrane, which does not bend" if flat else f"layers={self.layers}"

@@ -55,7 +55,7 @@ def shades(count: int) -> list[Any]:
 def panels(
     across: int, down: int = 1, *, width: float = 4.2, height: float = 3.3, sharex: bool = False, sharey: bool = False
 ) -> tuple["Figure", list["Axes"]]:
-    """A figure and its panels in reading order, each so wide and high (inches)."""
+    """A figure and its panels in reading order, each of this width and height (inches)."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(width * across, height * down), layout="constrained")

@@ -12,7 +12,7 @@ from ufl.form import Form
 
 from .errors import InputError
 from .laws import HasStiffness, Law
-from .material import Material, Patchwork
+from .material import Kinematics, Material, Patchwork
 from .output.showing import Showing
 from .shell import assumed_strain, directors, kinematics
 from .solvers import motion
@@ -31,7 +31,8 @@ from .terms.work import InternalWork
 
 type Loads = Form | int | Sequence[Form | Term]
 """Virtual work of forces, or a list of that and of terms; 0 for nothing."""
-ROTARY = {"thickness": 0.0, "cell": 3.0, "none": None}
+type Rotary = Literal["thickness", "cell", "none"]
+ROTARY: dict[Rotary, float | None] = {"thickness": 0.0, "cell": 3.0, "none": None}
 """Inertia of directors -> its `reach` in `weakform.rotary_inertia`.
 
 Poke of muslin, 20 x 20, the hardest: 75 cuts, or none that helps, with a reach of 1; 37 with 1.5; 25 to 30 with 3.
@@ -80,7 +81,7 @@ class Sheet(Showing):
         shear: tuple[float, float] | None = None,
         *,
         warp: Sequence[float] | Expr | None = None,
-        kinematics: Literal["shell", "membrane"] = "shell",
+        kinematics: Kinematics = "shell",
         element: str | None = None,
         layers: int | None = None,
         reach: float = weakform.SHEAR_REACH,
@@ -166,8 +167,8 @@ class Sheet(Showing):
         """Of the materials, kg/m2. Raises InputError for one that has none."""
         return self._patches.areal_mass()
 
-    def mass(self, areal_mass: Expr | float, rotary: str = "thickness") -> Form:
-        """Bilinear form of the mass for `motion.Motion`; areal mass in kg/m2.
+    def mass(self, areal_mass: Expr | float, rotary: Rotary = "thickness") -> Form:
+        """Bilinear form of the mass for `motion.Motion`; areal_mass in kg/m2.
 
         rotary: inertia of directors, a name in `ROTARY`: that of the thickness (5.75), that of a cell, or none (see
         `weakform.rotary_inertia`). Raises InputError.
@@ -195,7 +196,7 @@ class Sheet(Showing):
         return self._velocity if self.shell is None else ufl.split(self._velocity)[0]
 
     def weight(self, areal_mass: Expr | float, acceleration: Expr) -> Form:
-        """Virtual work of the weight; subtract it. Areal mass in kg/m2, acceleration a vector in m/s2."""
+        """Virtual work of the weight; subtract it. areal_mass: in kg/m2; acceleration: a vector in m/s2."""
         return weakform.gravity(areal_mass, acceleration, self.v, self.dx)
 
     # -- ready to be solved ------------------------------------------------------------------------------------------
@@ -227,7 +228,7 @@ class Sheet(Showing):
         *,
         rho: float = 0.8,
         damping: float = 0.0,
-        rotary: str = "cell",
+        rotary: Rotary = "cell",
         lumped: bool = False,
         **settings: Any,
     ) -> tuple[Newmark, Ledger]:
@@ -246,17 +247,17 @@ class Sheet(Showing):
         loads: Loads = 0,
         *,
         damping: float = 0.0,
-        rotary: str = "cell",
+        rotary: Rotary = "cell",
         **settings: Any,
     ) -> tuple[CentralDifference, Ledger]:
-        """As `newmark`, in explicit motion; settings: of `explicit.CentralDifference`."""
+        """As `newmark`, in explicit motion; damping in 1/s; settings: of `explicit.CentralDifference`."""
         return self._in_motion(CentralDifference, areal_mass, rotary, {"damping": damping}, bcs, loads, settings)
 
     def _in_motion(
         self,
         kind: Any,
         areal_mass: Expr | float,
-        rotary: str,
+        rotary: Rotary,
         rule: dict[str, Any],
         bcs: Sequence[fem.DirichletBC],
         loads: Loads,

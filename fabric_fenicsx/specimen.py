@@ -1,13 +1,14 @@
 """The tensile test of a strip in its grips, as a scene: of the thesis's section 7.2, and of an inverse simulation."""
 
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import Literal, NamedTuple, get_args
 
 import numpy as np
 import ufl
 from dolfinx import fem
 
 from . import sheet
+from .errors import InputError
 from .fabrics import Fabric
 from .laws import Law
 from .shell import kinematics
@@ -20,6 +21,8 @@ from .terms import hook, supports, weakform
 from .terms.points import LawPoints
 from .terms.term import Residual
 
+type Ends = Literal["clamped", "free"]
+type Level = Literal["plane", "membrane", "shell"]
 FOUNDATION = 1.0  # N/m3
 
 
@@ -46,9 +49,9 @@ def strip(
     law: Law,
     angle: float = 0.0,
     *,
-    ends: str = "clamped",
+    ends: Ends = "clamped",
     degree: int = 1,
-    level: str = "plane",
+    level: Level = "plane",
     imperfection: float = 0.0,
     quadrature: int | None = None,
     search: Search = "energy",
@@ -61,6 +64,9 @@ def strip(
     wave. `quadrature` is the degree of polynomials whose work in the plane is integrated exactly, by
     default twice `degree`. search: of a shell that buckles, see `sheet.Sheet.equilibrium`.
     """
+    for what, value, known in (("ends", ends, Ends), ("level", level, Level)):
+        if value not in get_args(known.__value__):
+            raise InputError(f"{what}={value!r} is not one of {', '.join(get_args(known.__value__))}.")
     plane, mesh, h = level == "plane", domain.mesh, fabric.thickness
     warp = (np.cos(angle), np.sin(angle), 0.0)
     shell: ShellSpace | None = None

@@ -2,13 +2,17 @@
 
 import ast
 import importlib
+import inspect
 import re
 import subprocess
 import sys
+from dataclasses import is_dataclass
 
 import pytest
 from test_layers import FILES, FOLDERS, PACKAGE, placed, room_of
 from test_setup import ROOT
+
+from fabric_fenicsx import laws
 
 
 def test_every_room_and_public_name_is_told():
@@ -40,12 +44,9 @@ def test_the_package_lists_its_rooms_its_names_and_its_limits():
     """Every room, once; what is named is there; and nothing else of the package is imported by a demo."""
     text = ast.get_docstring(ast.parse((PACKAGE / "__init__.py").read_text()))
     assert "# What it cannot do" in text and "Contact" in text
-    public, internal = text[text.index("- `fabrics`") : text.index("The eight demos")].split("The other rooms")
+    listed, internal = rooms_and_names(text)
     rooms = {room_of(path) for path in FILES} - FOLDERS
     found = [name for name in re.findall(r"`([a-z_.]+)`", internal) if name in rooms]
-    listed = {}
-    for room, names in re.findall(r"(?:- |; (?:\w+ )*)`([a-z_.]+)`: ((?:(?!; (?:\w+ )*`[a-z_.]+`: ).)+)", public):
-        listed[room] = set(re.findall(r"`(\w+)`", names))
     told = {placed(name.split(".")) for name in listed}
     assert told | set(found) == rooms
     assert not told & set(found)
@@ -57,6 +58,62 @@ def test_the_package_lists_its_rooms_its_names_and_its_limits():
             assert any(f"{name}.".startswith(f"{room}.") or name in FOLDERS for room in listed), (
                 f"{path.name} imports {name}"
             )
+
+
+def rooms_and_names(text):
+    """Public rooms and their names, as the package lists them; and what it says of the others."""
+    public, internal = text[text.index("- `fabrics`") : text.index("The eight demos")].split("The other rooms")
+    listed = {}
+    for entry in re.split(r"^- ", public.replace("\n  ", " "), flags=re.M):
+        for room, names in re.findall(r"(?:^|; (?:\w+ )*)`([a-z_.]+)`: ((?:(?!; (?:\w+ )*`[a-z_.]+`: ).)+)", entry):
+            listed[room] = set(re.findall(r"`(\w+)`", names))
+    return listed, internal
+
+
+def signatures():
+    """Functions that the package lists, classes and their public methods: where, parameters, what is said of them."""
+    listed, _ = rooms_and_names(ast.get_docstring(ast.parse((PACKAGE / "__init__.py").read_text())))
+    kin = [getattr(laws, name) for name in listed["laws"]]  # protocols, which tell of what all laws do
+    for room, names in listed.items():
+        for name in sorted(names):
+            what = getattr(importlib.import_module(f"fabric_fenicsx.{room}"), name)
+            if inspect.isclass(what):
+                own = ast.parse(inspect.getsource(what)).body[0].body  # fields tell of themselves below or beside them
+                fields = [f.target.id for f in own if isinstance(f, ast.AnnAssign)] if is_dataclass(what) else []
+                yield f"{room}.{name}", what.__init__, f"{inspect.getdoc(what)} {' '.join(fields)}"
+                for method, function in vars(what).items():
+                    if inspect.isfunction(function) and method[0] != "_":
+                        same = [getattr(base, method) for base in (what, *kin, *what.__mro__) if hasattr(base, method)]
+                        told = " ".join(f"{inspect.getdoc(one)}" for one in (*same, what))
+                        yield f"{room}.{name}.{method}", function, told
+            elif inspect.isfunction(what):
+                yield f"{room}.{name}", what, inspect.getdoc(what)
+
+
+def annotation(parameter):
+    return "" if parameter.annotation is parameter.empty else inspect.formatannotation(parameter.annotation)
+
+
+def test_what_has_a_unit_or_is_an_array_is_described():
+    """Every number and array that a listed function or class takes is named where it is documented."""
+    silent, seen = [], 0
+    for where, function, told in signatures():
+        for name, parameter in inspect.signature(function).parameters.items():
+            if re.search(r"\b(float|Array|NDArray|ndarray|Vector|Point)\b", annotation(parameter)):
+                seen += 1
+                if not re.search(rf"\b{name}\b", told) and parameter.kind is not parameter.VAR_KEYWORD:
+                    silent.append(f"{where}: {name}")
+    assert seen > 150 and not silent
+
+
+def test_names_of_choices_are_types():
+    """What has a word for its default is one of a few, but for what is written beside or below a picture."""
+    free, loose = {"name", "title", "material"}, []
+    for where, function, _ in signatures():
+        for name, parameter in inspect.signature(function).parameters.items():
+            if isinstance(parameter.default, str) and name not in free and annotation(parameter).strip("'") == "str":
+                loose.append(f"{where}: {name}")
+    assert not loose
 
 
 def imports_of(path):

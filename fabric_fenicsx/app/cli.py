@@ -3,6 +3,7 @@
 import os
 import sys
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
@@ -11,6 +12,12 @@ import fabric_fenicsx
 from ..errors import InputError
 from .options import direction, drawn_to, file, folder, keys
 from .photographs import markers
+
+if TYPE_CHECKING:
+    from ..fabrics.per_width import PerWidth
+    from ..identify.making import Shear
+    from ..identify.strips import Ends
+    from ..output.series import Colour
 
 STRIP = Path(__file__).parent.parent / "meshes" / "strip.geo"
 UNBALANCED = 0.05  # imbalance of energy, as a part of the external work, from which a run is wrong
@@ -67,7 +74,7 @@ def fabrics_list() -> None:
 @fabrics_group.command("show")
 @click.argument("name", shell_complete=fabric_names)
 @per_width
-def fabrics_show(name: str, per_width: str | None) -> None:
+def fabrics_show(name: str, per_width: "PerWidth | None") -> None:
     """All numbers of a fabric, by NAME or TOML file, with their sources."""
     from .. import fabrics
     from ..fabrics.per_width import describe
@@ -96,7 +103,7 @@ def fabrics_show(name: str, per_width: str | None) -> None:
 @click.argument("names", nargs=-1, shell_complete=fabric_names)
 @click.option("--out", type=file, help="Picture: png, pdf or svg.  [default: out/fabrics.png]")
 @per_width
-def fabrics_plot(names: tuple[str, ...], out: Path | None, per_width: str | None) -> None:
+def fabrics_plot(names: tuple[str, ...], out: Path | None, per_width: "PerWidth | None") -> None:
     """Stress against strain of NAMES (all, if left out): a panel for warp, weft and shear."""
     from mpi4py import MPI
 
@@ -138,7 +145,7 @@ def fabrics_export(name: str, format: str, edge: float) -> None:
               help="Of the simulated strip (--shear inverse).")  # fmt: skip
 @per_width
 @click.option("--out", type=folder, default=Path("out/identify"), show_default=True)
-def identify(tests: Path, shear: str, ends: str, out: Path, per_width: str | None) -> None:
+def identify(tests: Path, shear: "Shear", ends: "Ends", out: Path, per_width: "PerWidth | None") -> None:
     """From test records to a fabric: a one-page report and fabric.toml. TESTS is a TOML file that lists the records.
 
     Strips off the yarns and biaxial records go into one fit with all other tests; tests.pdf shows them beside the law.
@@ -206,8 +213,8 @@ def run(scene: Path, out: Path | None, resume: str | None, quiet: bool, trust: b
 )
 @click.option("--out", type=click.Path(path_type=Path), help="Picture, or with --animation a .gif (with the extra "
               "[film] also .mp4).  [default: in FOLDER]")  # fmt: skip
-def view(results_folder: Path, frame: int | None, colour: str, eye: tuple[float, float, float] | None, animation: bool,
-         kind: str | None, out: Path | None) -> None:  # fmt: skip
+def view(results_folder: Path, frame: int | None, colour: "Colour", eye: tuple[float, float, float] | None,
+         animation: bool, kind: str | None, out: Path | None) -> None:  # fmt: skip
     """Draw what a run, or a demo, wrote into FOLDER; a broken frame is named, and the others are shown."""
     from .. import system
     from ..output.series import Series, refuse_ending

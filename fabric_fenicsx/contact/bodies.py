@@ -77,7 +77,7 @@ class Body:
         return self
 
     def move(self, shift: Vector = (0, 0, 0), turn: Vector = (0, 0, 0), centre: Vector = (0, 0, 0)) -> None:
-        """Lead it as one rigid body: a shift in m after a turn about `centre`, see `supports.grip`; from the start."""
+        """Lead it as one rigid body: a shift (m) after a turn (rad) about a centre, see `supports.grip`."""
         self._ledable()
         R, c = Rotation.from_rotvec(np.array(turn, dtype=float)).as_matrix(), np.array(centre, dtype=float)
         self.target = (self.rest - c) @ R.T + c + np.array(shift, dtype=float)
@@ -97,7 +97,7 @@ class Body:
 class Plane(Body):
     """The space behind a plane without end, exactly; it may be shifted but not turned.
 
-    normal: towards the free side. size: of the square that pictures show, m.
+    normal: towards the free side. point: on it, m. size: of the square that pictures show, m.
     """
 
     def __init__(
@@ -109,11 +109,11 @@ class Plane(Body):
         super().__init__(corners, np.array([[0, 1, 2], [0, 2, 3]]), name)
 
     def free(self, mass: float, **motion: Any) -> Self:
-        """None has an end, and so none moves freely."""
+        """None has an end, and so none moves freely, whatever its mass (kg)."""
         raise InputError(f"The plane {self.name!r} cannot have mass; take a box.")
 
     def move(self, shift: Vector = (0, 0, 0), turn: Vector = (0, 0, 0), centre: Vector = (0, 0, 0)) -> None:
-        """Lead it by a shift in m."""
+        """Lead it by a shift in m; its turn has to be none, and so `centre` says nothing."""
         if np.any(turn):
             raise InputError(f"The plane {self.name!r} cannot be turned; take a box.")
         super().move(shift)
@@ -132,7 +132,7 @@ class Sphere(Body):
 
 
 class Box(Body):
-    """size (3 numbers) and centre in m, its sides along the axes unless turned (rad, see `Body.move`)."""
+    """size (3 numbers) and centre in m, its sides along the axes before its turn (rad, see `Body.move`)."""
 
     def __init__(
         self, size: Vector, centre: Vector = (0, 0, 0), turn: Vector = (0, 0, 0), *, cells: int = 1, name: str = "box"
@@ -145,7 +145,7 @@ class Box(Body):
 
 
 class Cylinder(Body):
-    """A closed cylinder about an axis through its centre, m; cells: along a quarter of its circumference."""
+    """A closed cylinder: radius and length in m, axis through its centre (m); cells: in a quarter of its circle."""
 
     def __init__(
         self,
@@ -168,7 +168,7 @@ class Cylinder(Body):
 
 
 class Capsule(Cylinder):
-    """A cylinder of this length with half a sphere at each end, about an axis through its centre; as a `Cylinder`."""
+    """A `Cylinder` of this length, its centre and axis, with half a sphere of its radius at each end; all in m."""
 
     def _profile(self, radius: float, length: float, cells: int) -> Array:
         angle = np.linspace(-np.pi / 2, 0, cells + 1)
@@ -178,7 +178,7 @@ class Capsule(Cylinder):
 
 
 class Ring(Body):
-    """A torus: radius of its middle line and of its wire, m; cells: along a quarter of the middle line."""
+    """A torus: radius of its middle line and of its wire, centre in m, axis across it; cells: in a quarter of it."""
 
     def __init__(
         self,

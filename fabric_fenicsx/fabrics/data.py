@@ -17,6 +17,8 @@ from fabric_fenicsx.fabrics.friction import ShearFriction
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+    from fabric_fenicsx.fabrics.per_width import PerWidth
+
 
 @dataclass(frozen=True)
 class Curve:
@@ -90,7 +92,7 @@ class Fabric:
         """Bending as measured, else assumed for this mass, which its text says; see `estimated_bending`."""
         return self.bending or estimated_bending(self.areal_mass)
 
-    def plot(self, path: str | PathLike[str] | None = None, *, per_width: str | None = None) -> Figure:
+    def plot(self, path: str | PathLike[str] | None = None, *, per_width: PerWidth | None = None) -> Figure:
         """Draw loading, its continuation by the tangent, and unloading, for warp, weft, shear; save if asked.
 
         per_width: a unit of `per_width.UNITS` for a second axis.
@@ -121,7 +123,7 @@ class Fabric:
         return figure
 
 
-def compare(fabrics: Sequence[Fabric], path: str | PathLike[str], *, per_width: str | None = None) -> None:
+def compare(fabrics: Sequence[Fabric], path: str | PathLike[str], *, per_width: PerWidth | None = None) -> None:
     """Draw stress of first loading against strain of several fabrics: a panel each for warp, weft and shear.
 
     per_width: a unit of `per_width.UNITS` in place of MPa, which says more where thicknesses differ.

@@ -32,7 +32,7 @@ class Edge:
     shape: Shape = "line"
 
     def curve(self, end: Point) -> Array:
-        """Points on it, (n, 2), near to each other where it is bent. Raises InputError."""
+        """Points on it as far as its end, (n, 2) in m, near to each other where it is bent. Raises InputError."""
         a, b, inner = np.array(self.start, float), np.array(end, float), np.array(self.through, float).reshape(-1, 2)
         fitting = {"line": (0,), "arc": (1,), "bezier": (1, 2)}.get(self.shape)
         if not (np.isfinite([*a, *b]).all() and np.isfinite(inner).all() and (a != b).any()):

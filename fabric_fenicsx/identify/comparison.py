@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..fabrics.per_width import beside
+from ..fabrics.per_width import PerWidth, beside
 from .identified import Compared, Identified
 
 if TYPE_CHECKING:
@@ -16,7 +16,7 @@ COLUMNS = 3
 SHOWN = 300  # readings of one specimen
 
 
-def draw(found: Identified, *, per_width: str | None = None) -> "Figure":
+def draw(found: Identified, *, per_width: PerWidth | None = None) -> "Figure":
     """A panel for each test: readings, one colour a specimen, and the law; per_width as in `report.draw`."""
     from matplotlib.figure import Figure
 
@@ -32,7 +32,7 @@ def draw(found: Identified, *, per_width: str | None = None) -> "Figure":
     return figure
 
 
-def write(found: Identified, path: str | PathLike[str], *, per_width: str | None = None) -> None:
+def write(found: Identified, path: str | PathLike[str], *, per_width: PerWidth | None = None) -> None:
     """Save the page; the ending says the format (pdf, png, svg)."""
     draw(found, per_width=per_width).savefig(path, dpi=130)
 

@@ -5,12 +5,12 @@ from pathlib import Path
 
 from .. import fabrics
 from ..errors import InputError
-from ..fabrics.per_width import describe
+from ..fabrics.per_width import PerWidth, describe
 from . import bending
 from .identified import WAYS, Identified
 
 
-def write(found: Identified, folder: str | Path, *, per_width: str | None = None) -> tuple[Path, fabrics.Fabric]:
+def write(found: Identified, folder: str | Path, *, per_width: PerWidth | None = None) -> tuple[Path, fabrics.Fabric]:
     """Write `fabric.toml` and read it again as a user would: its path, and the fabric.
 
     per_width: a unit of `fabrics.per_width` in which remarks at the end repeat the moduli and stresses.

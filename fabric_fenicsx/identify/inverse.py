@@ -26,6 +26,7 @@ from ..surfaces import meshing
 from . import curves
 from .curves import Estimate, Readings
 from .identified import Curve, Identified
+from .strips import Ends
 
 ELEMENTS = {"clamped": ((18, 6), 2, 2), "free": ((9, 3), 1, 2)}
 """Ends -> cells along and across, degree of the displacements, and of what is integrated exactly."""
@@ -38,7 +39,7 @@ DOWN = 0.3  # part of the peak stress down to which the way back is followed
 
 
 def shear(
-    found: Identified, mesh: str | Path, cells: tuple[int, int] | None = None, *, ends: str = "clamped", steps: int = 8
+    found: Identified, mesh: str | Path, cells: tuple[int, int] | None = None, *, ends: Ends = "clamped", steps: int = 8
 ) -> Identified:
     """The same, with the shear curve found on the strip of `meshes/strip.geo`, or of one with its numbers and groups.
 
@@ -64,7 +65,7 @@ def _smoothed(readings: Sequence[Readings]) -> np.polynomial.Polynomial:
 
 
 class _Search:
-    def __init__(self, found: Identified, mesh: Path, cells: tuple[int, int] | None, ends: str, steps: int) -> None:
+    def __init__(self, found: Identified, mesh: Path, cells: tuple[int, int] | None, ends: Ends, steps: int) -> None:
         assert found.bias is not None
         self.found, self.bias, self.ends = found, found.bias, ends
         self.t = found.tests

@@ -69,7 +69,7 @@ from ..errors import InputError
 from . import bending_tests, picture_frame, sheets, strips
 from .keys import expect
 from .records import Strip
-from .strips import BiaxialTest, StripTest
+from .strips import BiaxialTest, Ends, StripTest
 
 TEXTS = ("name", "label", "material", "weave")
 NUMBERS = ("thickness_mm", "density_kg_per_m3", "gauge_length_mm", "width_mm")
@@ -96,7 +96,7 @@ class Tests:
     frames: list[picture_frame.Frame] = field(default_factory=list)
     strips: list[StripTest] = field(default_factory=list)
     biaxial: list[BiaxialTest] = field(default_factory=list)
-    ends: str = "clamped"  # of the strips of records, of `strips.ENDS`
+    ends: Ends = "clamped"  # of the strips of records, of `strips.ENDS`
 
     @property
     def areal_mass(self) -> float:

@@ -3,27 +3,31 @@
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from typing import Literal
 
 from ..errors import InputError
 from ..fabrics import Fabric
+from ..fabrics.per_width import PerWidth
 from ..laws import Array
 from . import comparison, fabric_file, net, pages, report
 from .identification import Identified, identify
 from .listing import read
+from .strips import Ends
 
-SHEAR = ("photographs", "inverse", "net")
+type Shear = Literal["photographs", "inverse", "net"]
+SHEAR: tuple[Shear, ...] = ("photographs", "inverse", "net")
 """Where the shear curve comes from: photographed yarns of the bias test, a simulated strip, inextensible yarns."""
 
 
 def make(
     tests: str | Path,
     out: Path,
-    shear: str = "photographs",
+    shear: Shear = "photographs",
     *,
     mesh: Path | None = None,
-    ends: str = "clamped",
+    ends: Ends = "clamped",
     say: Callable[[str], object] = print,
-    per_width: str | None = None,
+    per_width: PerWidth | None = None,
 ) -> tuple[Path, Fabric]:
     """Identify the fabric of a list of tests; the path of its file, and the fabric.
 
@@ -69,7 +73,7 @@ def make(
     return path, fabric
 
 
-def _strip(found: Identified, fabric: Fabric, mesh: Path, ends: str) -> pages.Simulated:
+def _strip(found: Identified, fabric: Fabric, mesh: Path, ends: Ends) -> pages.Simulated:
     """What draws a simulated strip of the fabric."""
 
     def drawn(angle: float, displacement: float) -> Array:

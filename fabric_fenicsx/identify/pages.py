@@ -18,6 +18,7 @@ import numpy as np
 
 from .. import plots
 from ..fabrics import Fabric
+from ..fabrics.per_width import PerWidth
 from ..laws import Array
 from ..laws.potential import Potential
 from . import comparison, curves, point, report, tables
@@ -38,7 +39,7 @@ type Simulated = Callable[[float, float], Array]
 
 
 def write(found: Identified, fabric: Fabric | None, out: Path, simulated: Simulated | None = None, *,
-          per_width: str | None = None) -> None:  # fmt: skip
+          per_width: PerWidth | None = None) -> None:  # fmt: skip
     """Write report.pdf and report.html into `out`; without a fabric, what was found of it. Raises OSError."""
     from matplotlib.backends.backend_pdf import PdfPages
 

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..fabrics.per_width import beside, factor
+from ..fabrics.per_width import PerWidth, beside, factor
 from ..laws import Array
 from . import bending_panels
 from .identified import WAYS, Curve, Identified
@@ -21,7 +21,7 @@ SOURCE = 115  # characters of a line on where the records come from
 SYMBOLS = {"warp": ("E_{11}", "S_{11}"), "weft": ("E_{22}", "S_{22}"), "shear": ("E_{12}", "S_{12}")}
 
 
-def draw(found: Identified, *, per_width: str | None = None) -> "Figure":
+def draw(found: Identified, *, per_width: PerWidth | None = None) -> "Figure":
     """The page, A4; per_width: a unit of `fabrics.per_width` for second axes and lines of the table."""
     from matplotlib.figure import Figure
 
@@ -58,7 +58,7 @@ def draw(found: Identified, *, per_width: str | None = None) -> "Figure":
     return figure
 
 
-def write(found: Identified, path: str | PathLike[str], *, per_width: str | None = None) -> None:
+def write(found: Identified, path: str | PathLike[str], *, per_width: PerWidth | None = None) -> None:
     """Save the page; the ending says the format (pdf, png, svg)."""
     draw(found, per_width=per_width).savefig(path, dpi=130)
 
@@ -143,7 +143,7 @@ def _bias(axes: "Axes", found: Identified) -> None:
             axes.legend(fontsize=7)
 
 
-def words(found: Identified, per_width: str | None = None) -> str:
+def words(found: Identified, per_width: PerWidth | None = None) -> str:
     """Parameters with standard errors, errors of the fits, what is not determined, remarks."""
     lines = [
         "dots: readings, one colour a specimen, unloading grey; line: fit; dashed: unloading (dotted: not measured);",
@@ -192,7 +192,7 @@ def words(found: Identified, per_width: str | None = None) -> str:
     )
 
 
-def _table(found: Identified, per_width: str | None) -> str:
+def _table(found: Identified, per_width: PerWidth | None) -> str:
     """What of the words goes on the page."""
     wrapped = words(found, per_width).splitlines()
     more = len(wrapped) - LINES

@@ -20,6 +20,7 @@ from . import curves
 from .inverse import ELEMENTS
 from .joint import Simulate
 from .records import Strip
+from .strips import Ends
 
 
 def strips(mesh: Path, cells: tuple[int, int] | None = None) -> Simulate:
@@ -50,7 +51,7 @@ def strips(mesh: Path, cells: tuple[int, int] | None = None) -> Simulate:
     return pull
 
 
-def picture(mesh: Path, fabric: Fabric, strip: Strip, angle: float, displacement: float, ends: str) -> Array:
+def picture(mesh: Path, fabric: Fabric, strip: Strip, angle: float, displacement: float, ends: Ends) -> Array:
     """A strip that is pulled by so many m, the warp at `angle` (degrees), by its axial strain: (rows, columns, 3)."""
     length, width = strip.gauge_length, strip.width
     domain = meshing.read(mesh, MPI.COMM_SELF, gdim=2, nx=18, ny=6, length=length, width=width)

@@ -22,7 +22,7 @@ law with a potential, by which tension along one yarn stiffens the cloth along t
 import re
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
@@ -36,7 +36,8 @@ from .tables import Table, read_table
 
 WAYS = {"warp": "warp|kette|chaîne|chaine|ordito|urdimbre|経|たて", "weft": "weft|fill|schuss|trame|trama|緯|よこ"}
 DRAWN = ("both", "warp", "weft")
-ENDS = ("clamped", "free")
+type Ends = Literal["clamped", "free"]
+ENDS: tuple[Ends, ...] = ("clamped", "free")
 LEAST = 8  # readings of a biaxial record
 
 
@@ -47,7 +48,7 @@ class StripTest:
     files: list[Path]
     angle: float
     strip: Strip
-    ends: str = "clamped"
+    ends: Ends = "clamped"
     held_out: bool = False
     readings: list[Readings] = field(default_factory=list)
 

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from ..laws import Array
+from .strips import Ends
 
 MACHINE = 0.01  # mm, of the displacement, where there is noise
 WORD = "# SYNTHETIC: by fabric_fenicsx; not measured.\n"
@@ -16,7 +17,7 @@ WORD = "# SYNTHETIC: by fabric_fenicsx; not measured.\n"
 
 def strips(
     folder: Path, angle: float, strain: Array, stress: Array, thickness: float, specimens: int, noise: float,
-    rng: np.random.Generator, size: tuple[float, float] = (0.2, 0.05), *, ends: str = "free", held_out: bool = False,
+    rng: np.random.Generator, size: tuple[float, float] = (0.2, 0.05), *, ends: Ends = "free", held_out: bool = False,
 ) -> str:  # fmt: skip
     """Records of strips of an angle (degrees), axial stress (Pa) over strain (n,); their table [[strip]].
 

@@ -8,12 +8,15 @@ strain is packed as (E11, E22, 2 E12), Green-Lagrange, and a stress as (S11, S22
 Piola-Kirchhoff, in Pa; 1 is the warp, 2 the weft.
 """
 
-from typing import Protocol, runtime_checkable
+from typing import Literal, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
+
+type Poisson = Literal["measured", "lowered"]
+"""Which of the pairs of Poisson's ratios of a fabric (Table 7.4)."""
 
 
 class Law(Protocol):
@@ -65,7 +68,7 @@ class HasRecoverable(Protocol):
     """A law that tells how much of its work can be had back."""
 
     def recoverable(self, strain: Array, state: Array) -> Array:
-        """Work in J/m3 (n,) that points of these strains, and the states after them, give back; not negative."""
+        """Work in J/m3 (n,) that points of a strain (n, m), and of the state after it, give back; not negative."""
         ...
 
 
@@ -79,7 +82,7 @@ class HasPotential(HasRecoverable, Protocol):
     """
 
     def potential(self, strain: Array, state: Array) -> Array:
-        """W in J/m3 (n,) at strains (n, m) from committed states (n, number of state variables)."""
+        """W in J/m3 (n,) at a strain (n, m) from a committed state (n, number of state variables)."""
         ...
 
 

@@ -85,7 +85,7 @@ class Bending:
         return self.potential(strain, state)
 
     def potential(self, strain: Array, state: Array) -> Array:
-        """W in J/m2 (n,), whose gradient by the curvatures is the moment; see `laws.HasPotential`."""
+        """W in J/m2 (n,), whose gradient by the curvatures, the strain here, is the moment; see `laws.HasPotential`."""
         energy = np.empty(len(strain))
         bending_potential(strain, state, energy, self._elastic, self.curves.coupling, self._friction)
         return energy

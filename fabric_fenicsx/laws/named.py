@@ -2,7 +2,7 @@
 
 from ..errors import InputError
 from ..fabrics import Fabric
-from . import Law
+from . import Law, Poisson
 from .bending import Bending
 from .potential import Potential
 from .printed import Printed
@@ -31,7 +31,7 @@ def bending(name: str, fabric: Fabric) -> Bending | None:
 def law(
     name: str,
     fabric: Fabric,
-    poisson: str = "measured",
+    poisson: Poisson = "measured",
     shear_hysteresis: bool = True,
     *,
     ramp: float | None = None,

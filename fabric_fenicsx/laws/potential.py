@@ -42,7 +42,7 @@ import numpy as np
 from numpy.polynomial import Polynomial
 
 from ..errors import InputError
-from . import Array, elements, play
+from . import Array, Poisson, elements, play
 from .svk import StVenantKirchhoff
 from .woven import RAMP, beyond_calibration, ratios
 
@@ -73,7 +73,7 @@ class Potential:
     def __init__(
         self,
         fabric: "Fabric",
-        poisson: str = "measured",
+        poisson: Poisson = "measured",
         shear_hysteresis: bool = True,
         *,
         ramp: float = RAMP,

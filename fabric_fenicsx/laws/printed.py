@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from . import Array, kernels
+from . import Array, Poisson, kernels
 from .woven import beyond_calibration, ratios
 
 if TYPE_CHECKING:
@@ -30,7 +30,7 @@ class Printed:
     `poisson` and `shear_hysteresis` as in `woven.Woven`. Raises InputError for an unknown choice.
     """
 
-    def __init__(self, fabric: "Fabric", poisson: str = "measured", shear_hysteresis: bool = True) -> None:
+    def __init__(self, fabric: "Fabric", poisson: Poisson = "measured", shear_hysteresis: bool = True) -> None:
         self.fabric = fabric
         self.symmetric = False
         self._nu = ratios(fabric, poisson)

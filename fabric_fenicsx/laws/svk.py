@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..errors import InputError
-from . import Array
+from . import Array, Poisson
 
 
 class StVenantKirchhoff:
@@ -58,7 +58,7 @@ class StVenantKirchhoff:
         return cls._coupled(E1, E2, nu12 * E2, nu12 * nu12 * E2 / E1, G12)
 
     @classmethod
-    def from_fabric(cls, fabric: Any, poisson: str = "measured") -> Self:
+    def from_fabric(cls, fabric: Any, poisson: Poisson = "measured") -> Self:
         """The unstrained fabric: its moduli at zero strain, coupled so that C is symmetric.
 
             C = 1/(1 - nu12 nu21) [[D1, b, 0], [b, D2, 0], [0, 0, (1 - nu12 nu21) G12]],

@@ -19,12 +19,12 @@ gamma* and the signed peak of gamma - gamma* (absent without shear hysteresis).
 """
 
 from math import sqrt
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
 from ..errors import InputError
-from . import Array, kernels
+from . import Array, Poisson, kernels
 from .svk import StVenantKirchhoff
 
 if TYPE_CHECKING:
@@ -51,10 +51,10 @@ class Woven:
     def __init__(
         self,
         fabric: "Fabric",
-        poisson: str = "measured",
+        poisson: Poisson = "measured",
         *,
         shear_hysteresis: bool = True,
-        coupling: str = "measured",
+        coupling: Literal["measured", "reciprocal"] = "measured",
         ramp: float = RAMP,
     ) -> None:
         nu12, nu21 = ratios(fabric, poisson)
@@ -112,7 +112,7 @@ class Woven:
         return beyond_calibration(self.fabric, strain)
 
 
-def ratios(fabric: "Fabric", poisson: str) -> tuple[float, float]:
+def ratios(fabric: "Fabric", poisson: Poisson) -> tuple[float, float]:
     """Poisson's ratios of that name, of a fabric that a law can be made of; InputError if it cannot.
 
     What comes from a file has been checked; a fabric that was made or changed in Python has not.

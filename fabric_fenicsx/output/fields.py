@@ -43,8 +43,9 @@ def index(folder: Path, kind: str = "fields") -> list[tuple[float, Path]]:
 class Fields:
     """Writes the steps of one sheet.
 
-    u: its displacement, which later steps bring up to date. What an earlier run left in the folder is replaced by the
-    first step, all but the steps up to the time `until`, if that is given.
+    u: its displacement, which later steps bring up to date; view: from the sheet to the eye, for pictures. What an
+    earlier run left in the folder is replaced by the first step, all but the steps up to the time `until` (s), if that
+    is given.
     """
 
     def __init__(

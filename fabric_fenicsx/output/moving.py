@@ -17,7 +17,7 @@ from .. import files
 from ..errors import InputError
 from ..laws import Array
 from . import pictures
-from .series import Series
+from .series import Colour, Series
 from .solids import TRIANGLES
 
 GREY = (0.79, 0.8, 0.82)
@@ -44,7 +44,7 @@ class Moving:
     things: list[Thing]
 
 
-def load(series: Series, colour: str = "yarn") -> tuple[Moving, list[int]]:
+def load(series: Series, colour: Colour = "yarn") -> tuple[Moving, list[int]]:
     """All steps that can be read, and the numbers of those that cannot; colour: of `series.LABELS`."""
     import matplotlib
 
@@ -241,7 +241,7 @@ KINDS: dict[str, tuple[str, Callable[[Moving, Path], None]]] = {
 """Name -> where in the folder of a run it goes by default, and what writes it."""
 
 
-def export(series: Series, kind: str, path: Path, colour: str = "yarn") -> list[int]:
+def export(series: Series, kind: str, path: Path, colour: Colour = "yarn") -> list[int]:
     """Write all steps of a run, see `KINDS`; the numbers of those that cannot be read, which are left out."""
     if kind == "usd":
         _pxr()  # before all steps are read

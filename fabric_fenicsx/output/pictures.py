@@ -83,7 +83,7 @@ def picture(
     yarns: Array | None = None,
     bodies: Sequence[Solid] = (),
 ) -> None:
-    """Draw the deformed sheet, coloured by one value for each local cell, over its undeformed outline.
+    """Draw the deformed sheet, coloured by cell_values, one for each local cell, over its undeformed outline.
 
     To be called on every rank; rank 0 draws. `label` names the value with its unit. view: the direction
     from the middle of a sheet in space to the eye; z is up. limits: of the colours, and box: what to

@@ -14,7 +14,7 @@ from ..solvers import checkpoint
 from ..solvers.continuation import Step
 from . import pictures, results
 from .fields import PRESSURE, Fields
-from .series import Series
+from .series import Colour, Series
 from .showing import Shown, Touching
 from .solids import drawn
 
@@ -59,7 +59,7 @@ class Recorder:
         title: str = "",
         when: Callable[[Step], str] = lambda step: f"t = {step.load:.4g} s",
         touch: Touching | None = None,
-        colour: str = "yarn",
+        colour: Colour = "yarn",
         view: tuple[float, float, float] = pictures.VIEW,
         run: Any = None,
         marks: Mapping[str, object] | None = None,

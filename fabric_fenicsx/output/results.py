@@ -70,7 +70,7 @@ class Table:
             self.rows = comm.bcast(_kept(path, until) if comm.rank == 0 else None, root=0)
 
     def row(self, **values: float) -> None:
-        """Append a row; the first one names the columns. InputError, on every rank, if it cannot be written."""
+        """Append values as a row; the first names the columns. InputError, on every rank, if it cannot be written."""
         if self.rows and list(self.rows[0]) != list(values):
             raise InputError(
                 f"{self._path or 'The table'} has the columns {', '.join(self.rows[0])}, and a row of "

@@ -3,7 +3,7 @@
 import importlib.util
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
@@ -12,7 +12,8 @@ from ..errors import InputError
 from ..laws import Array
 from . import fields, pictures
 
-LABELS = {
+type Colour = Literal["yarn", "warp", "weft", "shear", "pressure"]
+LABELS: dict[Colour, str] = {
     "yarn": "larger yarn strain (-)",
     "warp": "warp strain E11 (-)",
     "weft": "weft strain E22 (-)",
@@ -22,7 +23,7 @@ LABELS = {
 """What a sheet can be coloured by, and how it is labelled."""
 
 
-def coloured(strain: Array, colour: str) -> Array:
+def coloured(strain: Array, colour: Colour) -> Array:
     """One value for each cell from its strains (cells, 3 or more); colour: of `LABELS`, one of strain."""
     if colour == "yarn":
         return np.asarray(strain[:, :2].max(axis=1))
@@ -58,7 +59,7 @@ class Series:
             return number
         raise InputError(f"None of the {len(self.files)} steps in {str(self.files[0].parent)!r} can be read.")
 
-    def shape(self, number: int, colour: str) -> pictures.Shape:
+    def shape(self, number: int, colour: Colour) -> pictures.Shape:
         """A step, coloured; -1 is the last. InputError, which names its file, if it is broken."""
         return _read(self.files[number], colour)
 
@@ -67,7 +68,7 @@ class Series:
         path: Path,
         number: int = -1,
         *,
-        colour: str = "yarn",
+        colour: Colour = "yarn",
         view: tuple[float, float, float] | None = None,
     ) -> None:
         """Draw a step; view: from the sheet to the eye, by default that of the run."""
@@ -75,9 +76,11 @@ class Series:
         pictures.draw(path, shape, LABELS[colour], shape.title, view=view or shape.view)
 
     def film(
-        self, path: Path, colour: str = "yarn", *, view: tuple[float, float, float] | None = None, most: int = 50
+        self, path: Path, colour: Colour = "yarn", *, view: tuple[float, float, float] | None = None, most: int = 50
     ) -> list[int]:
         """Put at most so many steps, from the first to the last, into a .gif or .mp4, of one scale and one camera.
+
+        view: from the sheet to the eye, by default that of the run.
 
         Numbers of the broken ones, which are left out. Says so where pictures cannot be drawn. Raises InputError.
         """
@@ -136,7 +139,7 @@ def _has_an_end(file: Path) -> bool:
         return False
 
 
-def _read(file: Path, colour: str) -> pictures.Shape:
+def _read(file: Path, colour: Colour) -> pictures.Shape:
     """A file of `Fields`; InputError, which names it, if it is broken."""
     fault = None if _has_an_end(file) else "it is not there, or has no end"
     try:

@@ -78,7 +78,7 @@ def build(scene: Scene, comm: MPI.Comm = MPI.COMM_WORLD) -> Built:
         )
     known: dict[str, fabrics.Fabric] = {}
     made = {entry.at: _material(entry, domain, known) for entry in scene.materials}
-    cloth = Sheet(domain, made, kinematics=scene.kinematics, element=scene.element)  # type: ignore[arg-type]
+    cloth = Sheet(domain, made, kinematics=scene.kinematics, element=scene.element)
     bcs, moves = [], []
     for support in scene.supports:
         conditions, move = _hold(cloth, support)

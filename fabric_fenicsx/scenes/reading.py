@@ -100,8 +100,9 @@ from pathlib import Path
 
 from .. import entries
 from ..entries import Table
+from ..material import Kinematics
 from ..output.pictures import VIEW
-from ..output.series import LABELS
+from ..output.series import LABELS, Colour
 from ..shell.directors import ELEMENTS
 from . import shipped, support_reading
 from .bodies import Options, Solid, contact, solids
@@ -132,7 +133,7 @@ class Scene:
     triangulate: bool
     trust: bool
     materials: tuple[Entry, ...]
-    kinematics: str
+    kinematics: Kinematics
     element: str | None
     supports: tuple[Support, ...]
     loads: tuple[Load, ...]
@@ -147,7 +148,7 @@ class Scene:
     step: float
     rho: float
     damping: float
-    colour: str
+    colour: Colour
     view: tuple[float, float, float]
     animation: bool
     checkpoint: float

@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from ..entries import Table
+from ..laws import Poisson
 from ..laws.named import BENDING, DEFAULT, NAMES
 
 type Vector = tuple[float, ...]
@@ -26,7 +27,7 @@ class Entry:
     fabric: str
     plies: tuple[Ply, ...]
     law: str
-    poisson: str
+    poisson: Poisson
     shear_hysteresis: bool
     warp: Vector | dict[str, Vector]
     bending: str

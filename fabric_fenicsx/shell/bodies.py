@@ -131,7 +131,7 @@ class Body:
         self.arms -= self._mean(self.arms)
 
     def put(self, values: Array, y: Array) -> None:
-        """Set the body's six unknowns in a local array of W, and the others to 0."""
+        """Set the body's six unknowns in y, a local array of W, and the others to 0."""
         y[self.slaves] = 0.0
         y[self._kept] = values[self._here]
 
@@ -140,7 +140,7 @@ class Body:
         self.put(np.concatenate([self._mean(q[self.nodes]), np.zeros(3)]), y)
 
     def move(self, y: Array, q: Array, d: Array) -> Array:
-        """Put the displacements of y into q; the directors, from those at the last commit, (n, 3)."""
+        """Put the displacements of y into q; the directors, from those at the last commit, d (n, 3)."""
         values = np.zeros(6)
         values[self._here] = y[self._kept]
         values = self.comm.allreduce(values)
@@ -161,14 +161,17 @@ class Body:
     def curvature(self, force: Array, d: Array) -> Array:
         """This rank's share of the second derivative (3, 3) by the turn of the work of forces, at the last `move`.
 
-        force: a local array of V.
+        force: a local array of V; d: directors at the last commit, (n, 3).
         """
         v = np.concatenate([part[own] for part, own in zip((self.arms, d), self.owned, strict=True)])
         at = np.concatenate([part[own] for part, own in zip((self.nodes, self.directors), self.owned, strict=True)])
         return second(self._turn, v, force[at])
 
     def rates(self, v: Array, arms: Array, d: Array) -> tuple[Array, Array]:
-        """Rates of displacement, of the middle, and turn of the motion nearest to v (V's array); arms: from it."""
+        """Rates of displacement, of the middle, and turn of the motion nearest to v (V's array).
+
+        arms: from the middle, (n, 3), m; d: directors at the last commit, (n, 3).
+        """
         r, at = arms[self.owned[0]], (self.nodes[self.owned[0]], self.directors[self.owned[1]])
         size = np.sqrt(self.comm.allreduce(float(np.sum(r * r))) / self._count)
         # directors count as arms as long as the body; those from the middle feel no common speed
@@ -204,10 +207,10 @@ class Body:
         values[self.directors] = np.cross(turn, q[self.directors])
 
     def drift(self, q: Array, v: Array, mass: Array, dt: float) -> None:
-        """Move q by dt of the free motion that v is, with which momentum and its moment stay.
+        """Move q by dt (s) of the free motion that v is, with which momentum and its moment stay.
 
         Over the step it turns by dt w about the w of its middle: the moment of momentum over the inertia of the body
-        when it has turned by half of that.
+        when it has turned by half of that. mass: of V's unknowns.
         """
         shift, turn = self.project(v, q, mass)
         moment = self._inertia @ turn
@@ -223,7 +226,7 @@ class Body:
         self._set(v, q, shift, axes.T @ np.linalg.solve(self._inertia, axes @ moment))
 
     def lay(self, q: Array, v: Array, a: Array, by_mass: Callable[[Array], Array]) -> None:
-        """Make velocity and acceleration (arrays of V) those of a rigid body, at the places of q.
+        """Make velocity v and acceleration a (arrays of V) those of a rigid body, at the places of q.
 
         It keeps its momentum, on which the order of a time step depends; by_mass: mass times an array of V, owned part.
         """

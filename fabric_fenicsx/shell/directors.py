@@ -177,7 +177,7 @@ class ShellSpace:
         return values[0], values[1]
 
     def set_axes(self, e1: Array, d0: Array) -> None:
-        """Lay the frames along these, as `axes` gives them."""
+        """Lay the frames along e1 and d0, local arrays of V as `axes` gives them."""
         for body in self.bodies:
             body.settle(d0)
         e1, d0 = e1[self.nodes], d0[self.nodes]

@@ -77,7 +77,7 @@ class CentralDifference(Stepper):
         motion.mass = PETSc.Mat().createDiagonal(lumped.x.petsc_vec.copy())
 
     def lay(self, values: Array, q: Array) -> None:
-        """Take from rates what is along the directors of q, and what would deform bodies; they keep their momentum."""
+        """Take from values, rates, what is along directors of q or would deform bodies; they keep their momentum."""
         _lay(values, q, self._turning)
         for body in self.bodies:
             body.project(values, q, self.mass)
@@ -197,7 +197,7 @@ class CentralDifference(Stepper):
         self.q.x.array[self.motion.given] = now
 
     def begin(self, dt: float) -> None:
-        """Find the acceleration with which the motion starts."""
+        """Find the acceleration with which the motion starts, its supports led over a step of dt (s)."""
         motion = self.motion
         self._move_supports(dt)
         motion.velocity.x.array[motion.given] = self._given_v

@@ -239,7 +239,7 @@ class Motion:
         return 0.5 * float(self.q.function_space.mesh.comm.allreduce(total))
 
     def lay_on_sphere(self, v: Array, a: Array) -> None:
-        """Take from the velocity of directors what is along d, and give them the acceleration -|d'|^2 along it.
+        """Take from v, the velocity, what is along directors d, and give them in a the acceleration -|d'|^2 along it.
 
         Rigid bodies first get a motion that is theirs.
         """

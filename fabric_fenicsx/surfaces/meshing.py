@@ -140,8 +140,9 @@ def from_gmsh(
 ) -> Domain:
     """The mesh that `build()` leaves in the current gmsh model; it runs on rank 0 only.
 
-    Every cell must be in a physical surface. For the other arguments see `read`. Raises InputError, on every rank, if
-    it is not so, if the surface is none for a shell, or if `build` raised anything.
+    Every cell must be in a physical surface. scale: metres to a unit of the model; merge: in m; see `read` for them and
+    the others. Raises InputError, on every rank, if it is not so, if the surface is none for a shell, or if `build`
+    raised anything.
     """
     prepare = partial(preparing.prepare, gdim=gdim, orient=orient, scale=scale, merge=merge, triangulate=triangulate)
     return _distribute(_on_root(comm, lambda: _by_gmsh(build, Path(), False, prepare)), comm, gdim, ghosts)

@@ -109,7 +109,7 @@ def symmetry(domain: Domain, space: Space, name: str, axis: int) -> Conditions:
 
 
 def lead(domain: Domain, space: Space, name: str, component: int, value: float | fem.Constant) -> Conditions:
-    """One component of the displacement given, in m: a number, or a Constant that may change."""
+    """One component of the displacement given: its `value` in m, a number, or a Constant that may change."""
     part = _displacement(space).sub(component)
     value = value if isinstance(value, fem.Constant) else fem.Constant(domain.mesh, float(value))
     return [fem.dirichletbc(value, _at(domain, name, part), part)]

@@ -52,11 +52,11 @@ class Term:
         return True
 
     def add_force(self, total: Array) -> None:
-        """Add the force (N) of the last evaluation to a local array."""
+        """Add the force (N) of the last evaluation to the total, a local array."""
         raise NotImplementedError
 
     def add_extra_force(self, total: Array) -> None:
-        """Add what it does to the unknowns of an `extra.Extra`, (count,) in N and N m, the same on every rank."""
+        """Add to a total (count,) what it does to unknowns of an `extra.Extra`, N and N m, the same on every rank."""
 
     def foresee(self, change: Array) -> None:
         """Keep the strains e to which a change of q (local array) leads to first order."""
@@ -72,7 +72,7 @@ class Term:
         return NOWHERE
 
     def add_stiffness(self, values: Array) -> None:
-        """Add the derivative of the force by q, at the last evaluation, to the entries (n,) of `pattern`."""
+        """Add the derivative of the force by q, at the last evaluation, to values (n,) at the entries of `pattern`."""
 
     def longest_step(self, change: Array) -> float:
         """The part of a change of q (local array) that may be taken at most, on this rank; up to 1."""

@@ -86,7 +86,7 @@ def body_force(force: Expr, v: Expr, thickness: Expr | float, dx: ufl.Measure) -
 
 
 def gravity(areal_mass: Expr | float, acceleration: Expr, v: Expr, dx: ufl.Measure) -> Form:
-    """Virtual work of the weight: areal mass in kg/m2, acceleration a vector in m/s2; subtract it."""
+    """Virtual work of the weight: areal_mass in kg/m2, acceleration a vector in m/s2; subtract it."""
     return areal_mass * ufl.inner(acceleration, v) * dx
 
 
