@@ -73,12 +73,12 @@ def scene(args, slope, slip, comm=MPI.COMM_WORLD):
     weight = cloth.weight(touching.MASS, ufl.as_vector((0.0, 0.0, -touching.G)))
     run, ledger = cloth.newmark(touching.MASS, [], [weight, *touch.terms], rho=args.rho, rtol=args.rtol)
 
-    def speed():
-        parts = [supports.mean(domain, cloth.space, run.motion.velocity, "sheet", k) for k in range(3)]
-        return float(np.array(parts) @ down)
+    def mean(field):
+        return float(np.array([supports.mean(domain, cloth.space, field, "sheet", k) for k in range(3)]) @ down)
 
     probes = {
-        "speed_m_per_s": speed,
+        "way_m": lambda: mean(cloth.q),
+        "speed_m_per_s": lambda: mean(run.motion.velocity),
         "crossed": touch.crossed,
     }
     name = f"slope {slope:g}"
@@ -87,13 +87,16 @@ def scene(args, slope, slip, comm=MPI.COMM_WORLD):
 
 
 def slide(args, slope, slip, out):
-    """One slope: acceleration over the second half of the time, speed at its end, both as expected; iterations."""
+    """One slope: acceleration and mean speed over the second half of the time; iterations; whether nothing passed.
+
+    The speed is the way over the time: where slip is stiff, velocities at the ends of steps swing about it.
+    """
     played = scene(args, slope, slip)
     table = moving.play(played, args, results.folder(out), progress=False)
-    t, speed = table.column("time_s"), table.column("speed_m_per_s")
+    t, speed, way = (table.column(name) for name in ("time_s", "speed_m_per_s", "way_m"))
     half = len(t) // 2
-    rate = float((speed[-1] - speed[half]) / (t[-1] - t[half]))
-    return rate, float(speed[-1]), table.column("newton_iterations").mean(), touching.clear(table)
+    rate, mean = (float((y[-1] - y[half]) / (t[-1] - t[half])) for y in (speed, way))
+    return rate, mean, table.column("newton_iterations").mean(), touching.clear(table)
 
 
 def judge(args, slope, slip, out):
