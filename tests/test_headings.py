@@ -1,8 +1,11 @@
 """Records with the headings, units and decimal marks of testing machines of several countries."""
 
+import re
+
 import numpy as np
 import pytest
 
+from fabric_fenicsx.errors import InputError
 from fabric_fenicsx.identify import records, units
 
 STRIP = records.Strip(gauge_length=0.1, width=0.05, thickness=0.4e-3)
@@ -22,13 +25,26 @@ EXPORTS = {
     "Japanese, Kato Tech": ("時間(s)\t伸び(%)\t荷重(gf/cm)", (1.0, 1e3, 1 / 9.80665e-3 / 5), ".", "shift_jis"),
     "English, Instron": ("Time (s),Extension (in),Load (lbf)", (1.0, 1e3 / 25.4, 1 / 4.4482216), ".", "utf-8"),
     "English, MTS": ("Time (s),Crosshead (mm),Load (lbf/in)", (1.0, 1e3, 25.4 / 50 / 4.4482216), ".", "utf-8"),
+    "German, Instron": ("Zeit;Verlängerung;Last\n(s);(mm);(N)", (1.0, 1e3, 1.0), ",", "cp1252"),
+    "German, in words": ("Zeit in s;Längenänderung in mm;Kraft in daN/5cm", (1.0, 1e3, 0.1), ",", "cp1252"),
+    "French, Zwick": ("Temps d'essai;Course standard;Force standard\ns;mm;N", (1.0, 1e3, 1.0), ",", "cp1252"),
+    "French, effort": ("Temps (s);Allongement (mm);Effort (newton)", (1.0, 1e3, 1.0), ",", "utf-8"),
+    "Spanish, Zwick": ("Tiempo;Recorrido estándar;Fuerza estándar\ns;mm;N", (1.0, 1e3, 1.0), ",", "cp1252"),
+    "Spanish, elongation": ("Tiempo;Elongación;Carga\ns;mm;cN", (1.0, 1e3, 100.0), ",", "cp1252"),
+    "Japanese, Instron": ("時間,伸長,荷重\n(s),(mm),(N)", (1.0, 1e3, 1.0), ".", "utf-8-sig"),
+    "Japanese, full width": ("時間（ｓ）,変位（ｍｍ）,試験力（Ｎ）", (1.0, 1e3, 1.0), ".", "shift_jis"),
+    "Shimadzu": ('"1 _ 1"\n"Time","Stroke","Force"\n"sec","mm","N"', (1.0, 1e3, 1.0), ".", "utf-8"),
+    "MTS": ("MTS793\nTime\tAxial Displacement\tAxial Force\nSec\tin\tlbf", (1.0, 1e3 / 25.4, 0.2248089), ".", "utf-8"),
+    "Bluehill": ('"Width","50","mm"\n\n"Time","Extension","Load"\n"(s)","(mm)","(N)"', (1.0, 1e3, 1.0), ".", "utf-8"),
+    "English, ext": ("Time (s),Ext (in),Load (lb/in)", (1.0, 1e3 / 25.4, 25.4 / 50 / 4.4482216), ".", "utf-8"),
+    "English, tension": ("Time (s),Strain (%),Tension (kN/m)", (1.0, 1e3, 0.02), ".", "utf-8"),
 }  # fmt: skip
 
 
 @pytest.mark.parametrize("name", EXPORTS)
 def test_exports_of_several_countries(tmp_path, name):
     head, (_, per_m, per_N), decimal, encoding = EXPORTS[name]
-    mark = next(m for m in ("\t", ";", ",") if m in head)
+    mark = next(m for m in ("\t", ";", ",") if m in head.splitlines()[-1])
     rows = [(0.1 * k, d * per_m, f * per_N) for k, (d, f) in enumerate(zip(D, F, strict=True))]
     body = "\n".join(mark.join(f"{value:.7f}".replace(".", decimal) for value in row) for row in rows)
     file = tmp_path / "test.csv"
@@ -36,6 +52,43 @@ def test_exports_of_several_countries(tmp_path, name):
     record = records.read(file, STRIP)
     assert record.displacement == pytest.approx(D, abs=1e-8) and record.force == pytest.approx(F, abs=1e-4)
     assert not record.notes
+
+
+SIDE_BY_SIDE = {
+    "Zwick": "Probe 1;;;Probe 2;;\nDehnung;Kraft;;Dehnung;Kraft;\n%;N;;%;N;",
+    "Shimadzu": "1 _ 1;;;1 _ 2;;\nストローク;試験力;;ストローク;試験力;\nmm;N;;mm;N;",
+}
+
+
+@pytest.mark.parametrize("name", SIDE_BY_SIDE)
+def test_specimens_side_by_side(tmp_path, name):
+    """The second one is stiffer, and breaks earlier."""
+    body = [
+        f"{1e3 * d:.5f};{f:.5f};;" + (f"{1e3 * d:.5f};{2 * f:.5f};" if k < 30 else ";;")
+        for k, (d, f) in enumerate(zip(D, F, strict=True))
+    ]
+    (tmp_path / "two.csv").write_text("\n".join([SIDE_BY_SIDE[name], *body]), encoding="utf-8")
+    first, second = records.read_all(tmp_path / "two.csv", STRIP)
+    assert (first.file, second.file) == ("two.csv (1)", "two.csv (2)")
+    assert first.force == pytest.approx(F, abs=1e-4) and second.force == pytest.approx(2 * F[:30], abs=1e-4)
+    assert second.displacement == pytest.approx(D[:30], abs=1e-7) and not second.notes
+
+
+@pytest.mark.parametrize(
+    ("head", "reason"),
+    [
+        ("Zeit (s);Traversenweg (mm);Dehnung Längenaufnehmer (mm);Kraft (N)", "could each be the displacement"),
+        ("Time (s);Extension (mm);Load (N);Load set point (N)", "could each be the force"),
+        ("Time (s);Extension (mm);Load (g);Temperature (C)", "has the unknown unit 'g'; give one of N, kN"),
+        ("Time (s);Strain;Load (N);Temperature (C)", "column 'Strain' has no unit"),
+    ],
+)
+def test_what_could_be_read_two_ways_is_refused(tmp_path, head, reason):
+    """No guess: the sentence names the columns."""
+    rows = "\n".join(f"{k};{1e3 * d:.5f};{f:.5f};{f:.5f}" for k, (d, f) in enumerate(zip(D, F, strict=True)))
+    (tmp_path / "a.csv").write_text(f"{head}\n{rows}", encoding="utf-8")
+    with pytest.raises(InputError, match=re.escape(reason)):
+        records.read_all(tmp_path / "a.csv", STRIP)
 
 
 @pytest.mark.parametrize(

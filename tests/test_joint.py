@@ -11,6 +11,7 @@ import pytest
 from fabric_fenicsx import fabrics
 from fabric_fenicsx.errors import InputError
 from fabric_fenicsx.identify import (
+    blocks,
     comparison,
     curves,
     cycles,
@@ -19,11 +20,13 @@ from fabric_fenicsx.identify import (
     joint,
     listing,
     point,
+    records,
     strips,
 )
 from fabric_fenicsx.identify import synthetic_strips as made
 from fabric_fenicsx.laws import driver, elements
-from fabric_fenicsx.laws.potential import Potential
+from fabric_fenicsx.laws.potential import Potential, least_unloading
+from fabric_fenicsx.laws.woven import Woven
 
 sys.path.append(str(Path(__file__).parent.parent / "demos" / "studies"))
 import all_tests
@@ -93,6 +96,25 @@ def test_shear_without_friction_stays_without():
     assert cycles.several(gamma) and not cycles.several(gamma[: 2 * all_tests.LEG - 2])
 
 
+def test_a_force_that_jumps_at_the_start_moves_no_strain(tmp_path):
+    """Cloth that rubs: the first reading, without force, stands off its neighbours, and is still where it begins."""
+    d = np.linspace(0, 5, 51)
+    table = np.column_stack([d, np.where(d > 0, 4 + 10 * d, 0.0)])
+    np.savetxt(tmp_path / "a.csv", table, "%.5g", ",", header="displacement_mm,force_N", comments="")
+    record = records.read(tmp_path / "a.csv", records.Strip(0.2, 0.05, 4e-4))
+    assert "line 2 holds a force of 0 N, far off its neighbours" in record.notes[0]
+    assert record.zero == 0.0 and record.displacement[:2] == pytest.approx([1e-4, 2e-4])
+
+
+def test_what_no_specimen_tells_is_as_vague_as_assumed():
+    x = np.linspace(0, 1, 20)
+    law = blocks.Block("a", [x, x], [x, 1.2 * x], lambda trial, x: 1.1 * x, [np.full(20, 0.1)] * 2)
+    J = np.vstack([np.column_stack([np.concatenate([x, x]) / 0.1, np.zeros(40)]), [0.0, 1 / 1.5]])
+    spread = blocks.bootstrap([law], None, J, np.zeros(1), 50, 1)
+    assert np.sqrt(spread[1, 1]) == pytest.approx(1.5) and spread[0, 1] == 0
+    assert 0.03 < np.sqrt(spread[0, 0]) < 0.2
+
+
 @pytest.mark.slow
 def test_a_cloth_of_another_law_is_predicted_off_its_yarns(tmp_path):
     """Decrimping plasticity: from 0, 90, 45 and 30 degrees, the stress at 15, 60 and 75 within 8 % of the peak."""
@@ -108,6 +130,30 @@ def test_the_other_cloth_has_its_curves():
     for degrees, curve in ((0.0, fabric.warp), (90.0, fabric.weft)):
         E = np.linspace(0, curve.limit, 9)[1:]
         assert np.abs(Decrimping(fabric).strip(E, degrees) - curve.stress(E)).max() < 2e-3 * curve.stress(E[-1])
+
+
+def test_records_that_do_not_come_back_make_a_fabric_of_both_laws(tmp_path):
+    """A curve that softens from its start on: the smooth start of tension elements asks for more than its modulus."""
+    E = np.linspace(0, 0.05, 101)
+    S = 40e6 * E * (1 - 6 * E)
+    text = "".join(
+        made.strips(tmp_path, angle, E, S * part, 4e-4, 1, 0, np.random.default_rng(1))
+        for angle, part in ((0, 1.0), (90, 0.8), (45, 0.3))
+    )
+    (tmp_path / "t.toml").write_text(
+        'name = "a"\nlabel = "a"\nmaterial = "a"\nweave = "a"\nthickness_mm = 0.4\ndensity_kg_per_m3 = 500\n'
+        f"gauge_length_mm = 200\nwidth_mm = 50\n[records]\n[assumed]\nnu12 = 0.2\nnu21 = 0.2\n{text}"
+    )
+    answer = joint.fit(identification.identify(listing.read(tmp_path / "t.toml")))
+    fabric = fabric_file.write(answer, tmp_path)[1]
+    Potential(fabric)
+    Woven(fabric)
+    least = least_unloading(fabric.warp)
+    assert fabric.warp.unloading == pytest.approx(least, rel=1e-5) and least > 1.2 * fabric.warp.modulus[0]
+    with pytest.raises(InputError, match="the warp tension element has a loading modulus"):
+        Potential(replace(fabric, warp=replace(fabric.warp, unloading=0.999 * least)))
+    alone = replace(fabric, warp=replace(fabric.warp, unloading=0.9 * least), poisson={"measured": (0.0, 0.0)})
+    Potential(alone)  # yarns that pull nothing in have no tension elements
 
 
 # --- the list of tests

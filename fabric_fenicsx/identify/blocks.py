@@ -1,4 +1,4 @@
-"""Tests as blocks of a least-squares fit: binned readings of each specimen, their scatter, and the law as the model."""
+"""Tests as blocks of a least-squares fit: means of readings of each specimen, their scatter, the law as the model."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -34,7 +34,7 @@ type Model = Callable[[Trial, Array], Array]
 
 @dataclass
 class Block:
-    """Of one test, for each specimen: places x (n, ...), readings y (m,) and their model, and the scatter of y."""
+    """Of one test, for each specimen: places x (n, ...), means of readings y (m,), their model, and their scatter."""
 
     name: str
     x: list[Array]
@@ -108,12 +108,14 @@ def of_biaxial(test: BiaxialTest) -> Block:
         if not kept:
             continue
         lead = [E[:, 0 if test.drawn == "warp" else 1 if test.drawn == "weft" else i] for E, _ in kept]
-        scatter = _scatter(lead, [r.stress for _, r in kept])
-        for (E, r), along in zip(kept, lead, strict=True):
-            bins = _bins(along)
-            x.append(np.array([[*E[some].mean(axis=0), i] for some in bins]))
-            y.append(np.array([r.stress[some].mean() for some in bins]))
-            sigma.append(np.full(len(bins), scatter))
+        bins = [_bins(along) for along in lead]
+        means = [_means(along, parts) for along, parts in zip(lead, bins, strict=True)]
+        forces = [_means(r.stress, parts) for (_, r), parts in zip(kept, bins, strict=True)]
+        scatter = _scatter(means, forces)
+        for (E, _), parts in zip(kept, bins, strict=True):
+            x.append(np.array([[*E[some].mean(axis=0), i] for some in parts]))
+            sigma.append(np.full(len(parts), scatter))
+        y += forces
 
     def model(trial: Trial, strain: Array) -> Array:
         S = point.biaxial(trial.law, strain[:, :2])
@@ -138,13 +140,9 @@ def compare_biaxial(trial: Trial, test: BiaxialTest) -> list[Compared]:
 
 
 def _binned(name: str, x: list[Array], y: list[Array], model: Model) -> Block:
-    scatter = _scatter(x, y)
     bins = [_bins(one) for one in x]
-    means = [
-        [np.array([values[some].mean() for some in parts]) for values, parts in zip(several, bins, strict=True)]
-        for several in (x, y)
-    ]
-    return Block(name, means[0], means[1], model, [np.full(len(parts), scatter) for parts in bins])
+    x, y = ([_means(values, parts) for values, parts in zip(several, bins, strict=True)] for several in (x, y))
+    return Block(name, x, y, model, [np.full(len(one), scatter) for scatter in [_scatter(x, y)] for one in y])
 
 
 def _bins(x: Array) -> list[np.ndarray]:
@@ -153,16 +151,23 @@ def _bins(x: Array) -> list[np.ndarray]:
     return np.array_split(order, min(BINS, len(x)))
 
 
+def _means(values: Array, parts: list[np.ndarray]) -> Array:
+    return np.array([values[some].mean() for some in parts])
+
+
 def _scatter(x: list[Array], y: list[Array]) -> float:
-    """Root mean square of readings about one smooth curve through all specimens, where all reach."""
+    """Standard deviation of means about one smooth curve through all specimens, where all reach.
+
+    Noise of a load cell falls with the number of readings in a mean, the difference between specimens does not.
+    """
     reach = min(float(np.abs(one).max()) for one in x)
     near = [np.abs(one) <= reach for one in x]
     t = np.concatenate([one[some] for one, some in zip(x, near, strict=True)]) / reach
     values = np.concatenate([one[some] for one, some in zip(y, near, strict=True)])
     A = t[:, None] ** np.arange(1, min(SMOOTH, max(1, len(t) // 4)) + 1)
     c, *_ = np.linalg.lstsq(A, values)
-    rms = float(np.sqrt(np.mean((A @ c - values) ** 2)))
-    return max(rms, LEAST * float(np.abs(values).max()))
+    scatter = float(np.sqrt(((A @ c - values) ** 2).sum() / max(len(t) - len(c), 1)))
+    return max(scatter, LEAST * float(np.abs(values).max()))
 
 
 def bootstrap(blocks: list[Block], trial: Trial, J: Array, rest: Array, draws: int, seed: int) -> Array:
@@ -182,5 +187,8 @@ def bootstrap(blocks: list[Block], trial: Trial, J: Array, rest: Array, draws: i
         A = J * weight[:, None]
         steps.append(-np.linalg.lstsq(J.T @ A + 1e-9 * np.diag(np.diag(normal)), A.T @ r)[0])
     spread, alone = np.cov(np.array(steps).T), np.diag(np.linalg.pinv(normal))
-    scale = np.sqrt(np.maximum(alone / np.maximum(np.diag(spread), 1e-300), 1.0))
-    return np.asarray(spread * scale[:, None] * scale)
+    own = np.diag(spread)
+    least = np.maximum(alone - own, 0.0)
+    silent = own < 1e-12 * alone  # what no specimen tells is as vague as it is assumed
+    scale = np.where(silent, 0.0, np.sqrt(1 + least / np.where(silent, 1.0, own)))
+    return np.asarray(spread * scale[:, None] * scale + np.diag(np.where(silent, alone, 0.0)))

@@ -4,8 +4,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from .. import fabrics
 from ..fabrics import ShearFriction
 from ..laws import Array
+from ..laws.potential import least_unloading
 from . import bending_fit, cycles, listing, markers, records
 from .curves import Estimate, Loading, Readings
 from .strips import BiaxialTest, StripTest
@@ -108,7 +110,7 @@ class Identified:
             curve = self.curves[way]
             if curve.unloading is None:
                 given = f"{way}_unloading_MPa" in self.tests.assumed
-                instead = "assumed" if given else "the least possible, its largest loading modulus, is taken"
+                instead = "assumed" if given else "the least possible is taken"
                 out.append(f"{way} unloading: no record comes back; {instead}")
             c0, error = curve.loading.modulus[0], curve.loading.errors[0]
             if error > 0.5 * c0 or curve.loading.held:
@@ -163,11 +165,15 @@ class Identified:
         return out
 
     def unloading(self, way: str) -> float:
-        """Unloading modulus (Pa) for the fabric: measured, else assumed, but nowhere less than the loading modulus."""
-        curve = self.curves[way]
-        least = float(curve.loading.tangent(np.linspace(0, curve.loading.limit, 1001)).max())
-        known = curve.unloading.value if curve.unloading else 1e6 * self.tests.assumed.get(f"{way}_unloading_MPa", 0.0)
-        return max(known, least)
+        """Unloading modulus (Pa) for the fabric: measured, else assumed, but nowhere less than the loading modulus.
+
+        Where it is neither, the least of which both laws can be made.
+        """
+        loading, measured = self.curves[way].loading, self.curves[way].unloading
+        known = measured.value if measured else 1e6 * self.tests.assumed.get(f"{way}_unloading_MPa", 0.0)
+        if not known and way != "shear":
+            return least_unloading(fabrics.Curve(loading.modulus, 0.0, loading.limit))
+        return max(known, float(loading.tangent(np.linspace(0, loading.limit, 1001)).max()))
 
     def ratio(self, key: str) -> float:
         """Poisson's ratio for the fabric: measured, else assumed; a negative one within two errors of zero is zero."""

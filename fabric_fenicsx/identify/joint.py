@@ -4,9 +4,9 @@ The unknowns are the moduli of each curve at its nodes (their logarithms, for no
 penalty keeps them so), the ratios that were photographed, the logarithms of `transverse` of the law with a potential,
 and where shear was tested in cycles its friction, softening and unloading (`cycles`). The model of a test is the law
 itself: strips of any angle that pull evenly, and biaxial specimens, at a point (`point`); strips between grips, which
-do not, by that times what a simulated strip pulls over it, which is found anew until it stays. A reading counts by the
-scatter of its test (`blocks`), and a specimen alike however densely it was recorded. Bending shares no unknown with all
-this: the least squares of `bending_fit` are a block of their own.
+do not, by that times what a simulated strip pulls over it, which is found anew until it stays. Readings that
+follow each other count by the scatter of their means (`blocks`), which denser records lessen, but for the difference
+between specimens. Bending shares no unknown with all this: the least squares of `bending_fit` are a block of their own.
 
 Confidence is by the bootstrap over specimens. What the tests do not tell stays where it is assumed, and is said.
 """

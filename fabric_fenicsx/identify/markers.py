@@ -8,8 +8,8 @@ from scipy.spatial import Delaunay
 
 from ..errors import InputError
 from ..laws import Array
-from . import cleaning, dots, readings
-from .records import WORDS, Record
+from . import cleaning, dots, readings, records
+from .records import Record
 from .tables import read_table
 
 STILL = 1e-3  # photographs whose displacement is below this part of the largest one show the strip at rest
@@ -41,7 +41,7 @@ def contraction(path: str | Path) -> Contraction:
     """
     table = read_table(path, ("x", "y"), "displacement_mm,a_x_mm,a_y_mm,b_x_mm,b_y_mm,c_x_mm,c_y_mm")
     pairs = dots.columns(table)
-    moved = [i for i, (name, _) in enumerate(table.columns) if any(word in name for word in WORDS["displacement"])]
+    moved = [i for i, (name, _) in enumerate(table.columns) if records.names("displacement", name)]
     table = table.readings([i for pair in pairs.values() for i in pair] + moved[:1])
     file = table.file
     if not table.cells:

@@ -76,7 +76,11 @@ def sort_out(
         for i in bad:
             said = f"line {table.lines[i]} holds a {what} of {scale * values[i]:.4g} {unit}, far off its neighbours"
             notes.append(f"{name}: {said}; left out.")
-        order = order[~np.isin(order, bad)]
+        if what == "force":  # the displacement of such a line may be that at which the record begins
+            force = force.copy()
+            force[bad] = np.nan
+        else:
+            order = order[~np.isin(order, bad)]
     if not len(order):
         return [(order, 0.0)], notes
 

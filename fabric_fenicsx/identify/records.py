@@ -8,12 +8,13 @@ displacement, a stress or a force per width for the force. Several readings up, 
 What a file may have and is understood: lines of text before the columns, between the readings and after them, units in
 a line of their own, commas, semicolons, tabs, bars or spaces between the columns, decimal commas, marks between
 thousands, repeated heads, other columns of any text, UTF-8, UTF-16, Shift-JIS and Latin letters, and several specimens,
-each below a head of its own or told apart by a column "specimen". What is mended, with a note: readings that are
-missing, single wild readings, times out of order, clocks that restart, times that cannot be read, force or displacement
-with reversed sign, a displacement that does not begin at zero, slack and pre-load (`identify.origin`). Anything else is
-refused in one sentence (`InputError`).
+each below a head of its own, side by side, or told apart by a column "specimen". What is mended, with a note: readings
+that are missing, single wild readings, times out of order, clocks that restart, times that cannot be read, force or
+displacement with reversed sign, a displacement that does not begin at zero, slack and pre-load (`identify.origin`).
+Anything else is refused in one sentence (`InputError`).
 """
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -29,18 +30,20 @@ WORDS = {
     "time": ("time", "zeit", "temps", "tiempo", "tempo", "時間"),
     "force": (
         *("force", "load", "stress", "kraft", "spannung", "contrainte", "charge", "fuerza", "carga", "esfuerzo"),
-        *("forza", "carico", "sforzo", "荷重", "試験力", "応力", "張力"),
+        *("forza", "carico", "sforzo", "荷重", "試験力", "応力", "張力", "effort", r"\blast\b", r"\btension"),
     ),
     "displacement": (
         *("displacement", "extension", "elongation", "stroke", "crosshead", "position", "travel", "strain"),
         *("weg", "dehnung", "verformung", "déplacement", "deplacement", "allongement", "déformation"),
         *("desplazamiento", "extensión", "alargamiento", "deformación", "spostamento", "allungamento", "corsa"),
-        *("deformazione", "変位", "ストローク", "伸び", "ひずみ", "歪"),
+        *("deformazione", "変位", "ストローク", "伸", "ひずみ", "歪", "verlängerung", "längenänderung", r"\bcourse"),
+        *("recorrido", "elongación", "elongazione", r"\bext\b"),
     ),
     "warp_stretch": ("warp stretch",),
     "weft_stretch": ("weft stretch",),
     "angle": ("angle",),
 }
+"""Quantity -> regular expressions, of which its name, in small letters, holds one."""
 ALLOWED = {
     "force": ("force", "force per width", "stress"),
     "displacement": ("length", "ratio"),
@@ -102,6 +105,30 @@ def read_all(path: str | Path, strip: Strip, columns: Sequence[str] = ()) -> lis
     """
     wanted = "|".join(WORDS["force"]), "|".join(WORDS["displacement"])
     table = read_table(path, wanted, "time_s,displacement_mm,force_N", columns)
+    return [record for one in _beside(table) for record in _read(one, strip)]
+
+
+def _beside(table: Table) -> list[Table]:
+    """A table for each of several specimens side by side, whose columns repeat with all their names and units."""
+    used = [i for i, header in enumerate(table.headers) if header.strip()]
+    named, n = [table.columns[i] for i in used], len(used)
+    for width in range(2, n // 2 + 1):
+        if n % width == 0 and len(set(named[:width])) == width and named == named[:width] * (n // width):
+            parts = [used[k : k + width] for k in range(0, n, width)]
+            return [_part(table, f"{table.file} ({k})", part) for k, part in enumerate(parts, 1)]
+    return [table]
+
+
+def _part(table: Table, file: str, used: list[int]) -> Table:
+    """The same with some columns, and the rows in which one of them holds something."""
+    full = [i for i, row in enumerate(table.cells) if any(row[j].strip() for j in used)]
+    cells = [[table.cells[i][j] for j in used] for i in full]
+    columns, headers = [table.columns[j] for j in used], [table.headers[j] for j in used]
+    return replace(table.take(full), file=file, columns=columns, headers=headers, cells=cells)
+
+
+def _read(table: Table, strip: Strip) -> list[Record]:
+    """The tensile tests below one head."""
     found = {name: _find(table, name, name in ("force", "displacement")) for name in WORDS}
     used = {name: index for name, index in found.items() if index is not None}
     yarns = [name for name in ("warp_stretch", "weft_stretch", "angle") if name in used]
@@ -168,9 +195,14 @@ def _upright(record: Record, strip: Strip) -> Record:
     return replace(record, displacement=displacement, force=force, zero=zero, notes=tuple(notes))
 
 
+def names(quantity: str, column: str) -> bool:
+    """Whether the name of a column, in small letters, is one of a quantity of `WORDS`."""
+    return any(re.search(word, column) for word in WORDS[quantity])
+
+
 def _find(table: Table, quantity: str, needed: bool) -> int | None:
     """Index of the one column that holds a quantity; None if it may be missing and is."""
-    found = [i for i, (name, _) in enumerate(table.columns) if any(word in name for word in WORDS[quantity])]
+    found = [i for i, (name, _) in enumerate(table.columns) if names(quantity, name)]
     found = [i for i in found if not any(word in table.columns[i][0] for word in AMBIGUOUS)]
     if not found:
         if not needed:

@@ -228,11 +228,7 @@ def _columns(table: Table, test: BiaxialTest, thickness: float) -> tuple[Array, 
 
 def _find(table: Table, way: str, what: str) -> int | None:
     """Index of the one column of a quantity along a yarn, or None."""
-    found = [
-        i
-        for i, (name, _) in enumerate(table.columns)
-        if re.search(WAYS[way], name) and any(word in name for word in records.WORDS[what])
-    ]
+    found = [i for i, (name, _) in enumerate(table.columns) if re.search(WAYS[way], name) and records.names(what, name)]
     if len(found) > 1:
         several = " and ".join(repr(table.headers[i]) for i in found)
         raise InputError(f"{table.file}: columns {several} could each be the {way} {what}; rename all but one.")

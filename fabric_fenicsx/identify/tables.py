@@ -49,7 +49,7 @@ class Table:
             raise InputError(f"{head} has no unit; write it into the name, as in '{name} ({example})'.")
         found = units.factor(unit)
         if found is None:
-            known = ", ".join(u for kind in kinds for u in units.KINDS[kind])
+            known = ", ".join(u for kind in kinds for u in units.SHOWN.get(kind, units.KINDS[kind]))
             raise InputError(f"{head} has the unknown unit {unit!r}; give one of {known}.")
         kind, factor = found
         if kind not in kinds:

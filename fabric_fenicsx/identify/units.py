@@ -35,9 +35,22 @@ KINDS = {
     "moment per width": MOMENT,
 }
 """Kind of a unit -> its units and their factors to SI (N, N/m, Pa, m, 1, s, rad, 1/m, N m, N)."""
+SHOWN = {"force per width": ("N/m", "N/cm", "N/5cm", "daN/5cm", "kN/m", "gf/cm", "lbf/in")}
+"""Kind -> units that stand for all of them in a sentence."""
 
 
-ALIASES = {"n": "N", "kn": "kN", "lb": "lbf", "lbs": "lbf", "mpa": "MPa", "kpa": "kPa", "pa": "Pa", "inches": "in"}
+ALIASES = {
+    "n": "N",
+    "kn": "kN",
+    "lb": "lbf",
+    "lbs": "lbf",
+    "newton": "N",
+    "newtons": "N",
+    "mpa": "MPa",
+    "kpa": "kPa",
+    "pa": "Pa",
+    "inches": "in",
+}
 ALIASES |= {"seconds": "s", "degrees": "deg", "degree": "deg", "radians": "rad", "percent": "%", "pixels": "px"}
 CAPITALS = ("mm", "cm", "in", "lbf", "gf", "kgf", "psi", "ksi", "deg", "sec", "min", "s")
 ALIASES |= {name: name for name in CAPITALS}
@@ -49,7 +62,9 @@ def factor(unit: str) -> tuple[str, float] | None:
     Capitals are taken for small letters only where that cannot change the meaning: MM is mm, but MN is no mN.
     """
     unit = re.sub(r"\s|[.·・⋅*](?!\d)", "", unit).replace("²", "2").replace("⁻¹", "-1").replace("^2", "2")
-    for name in (unit, ALIASES.get(unit.lower(), "")):
+    above, mark, below = unit.partition("/")
+    plain = f"{ALIASES.get(above.lower(), above)}{mark}{ALIASES.get(below.lower(), below)}"
+    for name in (unit, plain):
         for kind, known in KINDS.items():
             if name in known:
                 return kind, known[name]

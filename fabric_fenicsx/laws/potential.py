@@ -136,12 +136,9 @@ class Potential:
         self, name: str, curve: "Curve", weight: float, scale: float, ramp: float, tension: bool = False
     ) -> tuple[float, ...]:
         """An element of weight x f(e/scale); InputError where it would make energy."""
-        polynomial = Polynomial(curve.modulus)
-        start = min(START, 0.5 * curve.limit) if tension else 0.0
-        pieces = [(polynomial, start, curve.limit)]
-        if tension:  # see `elements.loading`
-            joining = Polynomial([1.0, -1.0 / start]) * Polynomial([1.0, -3.0 / start])
-            pieces.append((polynomial - polynomial(0.0) * joining, 0.0, start))
+        if weight < NONE:
+            return elements.pack((0.0,) * 4, 0.0, curve.limit, 1.0, 0.0, 0.0)
+        start, pieces = _pieces(curve, tension)
         largest = max(_largest(piece, *ends) for piece, *ends in pieces)
         steepest = max(_largest(piece.deriv(), *ends) for piece, *ends in pieces)
         if largest > curve.unloading * (1.0 + 1e-9):
@@ -150,8 +147,6 @@ class Potential:
                 f"of unloading, {curve.unloading / 1e6:.6g} MPa, so that a cycle would make energy; give unloading_MPa "
                 f"of at least {largest * (1 + 1e-5) / 1e6:.6g} MPa, or take another law."
             )
-        if weight < NONE:
-            return elements.pack((0.0,) * 4, 0.0, curve.limit, 1.0, 0.0, 0.0)
         # a little more than the steepest, for round-off
         rate = max((curve.unloading - curve.modulus[0]) / ramp, 1.001 * steepest, 1e-6 * curve.modulus[0] / ramp)
         return elements.pack(
@@ -205,6 +200,22 @@ class Potential:
     def beyond_calibration(self, strain: Array) -> str | None:
         """One sentence if a strain (n, 3) lies beyond the measured range, else None."""
         return beyond_calibration(self.fabric, strain)
+
+
+def least_unloading(curve: "Curve") -> float:
+    """Least unloading modulus (Pa) with which warp or weft of this curve makes no energy, tension elements included."""
+    return max(_largest(piece, *ends) for tension in (False, True) for piece, *ends in _pieces(curve, tension)[1])
+
+
+def _pieces(curve: "Curve", tension: bool) -> tuple[float, list[tuple[Polynomial, float, float]]]:
+    """Strain to which the modulus starts smoothly, and its polynomials, each from one strain to another."""
+    polynomial = Polynomial(curve.modulus)
+    start = min(START, 0.5 * curve.limit) if tension else 0.0
+    pieces = [(polynomial, start, curve.limit)]
+    if tension:  # see `elements.loading`
+        joining = Polynomial([1.0, -1.0 / start]) * Polynomial([1.0, -3.0 / start])
+        pieces.append((polynomial - polynomial(0.0) * joining, 0.0, start))
+    return start, pieces
 
 
 def _most(curve: "Curve", nu: float, nu_back: float) -> float:
