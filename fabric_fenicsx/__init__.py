@@ -66,9 +66,9 @@ the directors, `surfaces.placing` where a garment starts, `surfaces.outlines` it
 `solvers.held`, `solvers.zero_energy` and `solvers.drag` statics, `solvers.reactions` and `solvers.failures` all of
 them, `entries` the TOML files, `compiling` the forms that are compiled once and kept,
 `files`, `output.gathering` and `output.moving` what is written, `photographs.reading`, `photographs.marks`,
-`photographs.tracking`,
-`photographs.plane`, `photographs.corrections`, `photographs.marker_file` and `photographs.contact_sheet` the
-photographs, `app.options`, `app.photographs` and `app.doctor` the command.
+`photographs.tracking`, `photographs.speckle`, `photographs.plane`, `photographs.corrections`,
+`photographs.marker_file` and `photographs.contact_sheet` the photographs, `app.options`, `app.photographs` and
+`app.doctor` the command.
 
 The eight demos `my_fabric`, `my_materials`, `my_mesh`, `my_load`, `my_law`, `my_term`, `my_seam` and `my_bar` are
 short, each ends in an exact check, and are meant to be copied and changed.

@@ -85,3 +85,22 @@ def save(path, light):
     path.parent.mkdir(parents=True, exist_ok=True)
     Image.fromarray(light).save(path)
     return path
+
+
+def speckle(pixels, F, shift, *, size=1.6, noise=0.015, level=1.0, lamp=0.0, seed=3, rng=None):
+    """Light (rows, columns), 8 bit, of a random pattern, smooth over `size` pixels, of gradient F about the middle."""
+    rows, columns = pixels
+    wide = np.random.default_rng(seed).standard_normal((2 * rows, 2 * columns))
+    pattern = ndimage.gaussian_filter(wide, size)
+    pattern = 0.5 + 0.16 * pattern / pattern.std()
+    y, x = np.mgrid[:rows, :columns].astype(float)
+    q = (np.stack([x, y], axis=-1) - middle(pixels) - shift) @ np.linalg.inv(F).T + [columns, rows]
+    sheet = ndimage.map_coordinates(pattern, [q[..., 1], q[..., 0]], order=5, mode="mirror")
+    sheet = ndimage.gaussian_filter(sheet, 0.5) * level * (1 + lamp * (x / columns - 0.5))
+    sheet = sheet + noise * (rng or np.random.default_rng(0)).standard_normal(pixels)
+    return np.round(255 * np.clip(sheet, 0, 1)).astype(np.uint8)
+
+
+def middle(pixels):
+    """About which a pattern is strained: (x, y)."""
+    return np.array([pixels[1], pixels[0]]) / 2

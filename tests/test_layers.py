@@ -87,7 +87,7 @@ FLOORS = [
             {"reading", "corrections"},
             {"marks"},
             {"tracking", "plane", "marker_file"},
-            {"contact_sheet"},
+            {"contact_sheet", "speckle"},
             {"making"},
         ]
     },

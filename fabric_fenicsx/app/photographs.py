@@ -10,10 +10,11 @@ from .options import drawn_to, file, folder, numbers
 
 @click.command()
 @click.argument("photographs", nargs=-1, required=True, type=click.Path(path_type=Path))
-@click.option("--kind", type=click.Choice(["dots", "crosses", "grid"]), help="Of the marks; found, if left out.")
+@click.option("--kind", type=click.Choice(["dots", "crosses", "grid", "speckle"]), help="Of the marks; found, if left "
+              "out, but for speckle: a sprayed pattern, which gives a field of strains, too.")  # fmt: skip
 @click.option("--light", is_flag=True, help="Marks are lighter than the cloth; found, if left out.")
 @click.option("--size", "widest", type=click.IntRange(3), help="Width in pixels that no mark, or line, exceeds.  "
-              "[default: 5 % of the photograph]")  # fmt: skip
+              "[default: 5 % of the photograph]; of speckle the side of a facet.  [default: 31]")  # fmt: skip
 @click.option("--region", callback=numbers(4), metavar="X0,Y0,X1,Y1", help="Where to look in the first photograph, "
               "in pixels from its upper left corner.")  # fmt: skip
 @click.option("--checkerboard", type=file, help="Photograph of one in the plane of the cloth: scale and distortion.")

@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 SHOWN = 24  # photographs: the first, the last, those that lost most, and others evenly between
+NAMED = 100  # marks: of more no name could be read
 WIDE, TITLE = 9.0, 0.3  # inches
 LOOKS: dict[int, tuple[str, dict[str, Any]]] = {
     FOUND: ("found", {"marker": "+", "color": "#009e73"}),
@@ -53,7 +54,7 @@ def write(
 
     first = axes((WIDE - head / ratio) / 2, 0.0, head / ratio, head)
     _photograph(first, light(0), tracks, 0, low, high, 7)
-    for name, (x, y) in zip(names, tracks.x[0], strict=True):
+    for name, (x, y) in zip(names, tracks.x[0], strict=True) if len(names) <= NAMED else ():
         first.annotate(name, (x, y), (6, 6), textcoords="offset points", size=8, color="#b0006d")
     share = 100 * (tracks.state != LOST).mean()
     first.set_title(f"{photographs[0]}: {len(names)} marks; in all {len(photographs)} photographs {share:.1f} % of "

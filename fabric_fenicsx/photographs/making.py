@@ -6,10 +6,12 @@ from pathlib import Path
 
 import numpy as np
 
+from .. import plots
 from ..errors import InputError
 from ..laws import Array
-from . import contact_sheet, corrections, marker_file, marks, plane, reading, tracking
+from . import contact_sheet, corrections, marker_file, marks, plane, reading, speckle, tracking
 
+type Follow = Callable[[Array, Array], tracking.Tracks]
 UNEVEN = 0.01  # of the size of the grid: marks that miss one deformation gradient by more are strained unevenly
 
 
@@ -18,11 +20,11 @@ class Settings:
     """How photographs are read; what is None is found."""
 
     kind: str | None = None
-    """Of `marks.KINDS`."""
+    """Of `marks.KINDS`, or "speckle": facets of a pattern, which are never found by themselves."""
     dark: bool | None = None
     """Marks darker than the cloth."""
     widest: int | None = None
-    """Width of a mark or a line, pixels."""
+    """Width of a mark or a line, or the side of a facet, pixels."""
     region: tuple[float, float, float, float] | None = None
     """x0, y0, x1, y1 in pixels of the first photograph, where marks are looked for."""
     checkerboard: Path | None = None
@@ -45,8 +47,8 @@ def make(paths: Sequence[str | Path], out: Path, settings: Settings | None = Non
          say: Callable[[str], object] = print) -> Path:  # fmt: skip
     """Find and follow the marks of a series of photographs; the path of their file.
 
-    Writes markers.csv, contact_sheet.png and, if it is not there, an empty corrections.csv into `out`. Raises
-    InputError for what cannot be read, and where no three marks are found.
+    Writes markers.csv, contact_sheet.png and, if it is not there, an empty corrections.csv into `out`; of speckles
+    strains.csv and strains.png, too. Raises InputError for what cannot be read, and where no three marks are found.
     """
     s = settings or Settings()
     photographs = reading.series(paths)
@@ -62,12 +64,11 @@ def make(paths: Sequence[str | Path], out: Path, settings: Settings | None = Non
     to_plane = _plane(s, photographs[0], first)
 
     corrected = corrections.read(out / "corrections.csv")
-    look, x0 = _begin(s, photographs[0], first)
+    found, x0, follow = _begin(s, photographs, first)
     titles, x0, hand = corrected.apply(names, [f"m{k:02d}" for k in range(1, len(x0) + 1)], x0)
     if len(x0) < 3:
         raise InputError(f"{photographs[0]}: {len(x0)} marks are left, and a strain needs 3; see {corrected.file}.")
-    opened = [_open(photo, first.shape, look) for photo in photographs]
-    tracks = tracking.follow(opened, x0, hand)
+    tracks = follow(x0, hand)
 
     x = to_plane(tracks.places)
     F, miss = marker_file.gradient(x, x[0])
@@ -76,8 +77,21 @@ def make(paths: Sequence[str | Path], out: Path, settings: Settings | None = Non
     marker_file.write(path, photographs, titles, x, to_plane.unit, table=table, more=more)
     corrections.begin(out / "corrections.csv")
     contact_sheet.write(out / "contact_sheet.png", names, titles, tracks, lambda k: reading.light(photographs[k]))
-    _tell(say, look, tracks, titles, names, to_plane.said, miss)
+    if s.kind == "speckle":
+        _field(out, names, titles, tracks, x, to_plane.unit, reading.light(photographs[-1]))
+    _tell(say, found, tracks, titles, names, to_plane.said, 0.0 if s.kind == "speckle" else miss)
     return path
+
+
+def _field(out: Path, names: Sequence[str], titles: Sequence[str], tracks: tracking.Tracks, x: Array, unit: str,
+           last: Array) -> None:  # fmt: skip
+    """The strains of the facets, and a picture of them in the last photograph."""
+    there = np.isfinite(x[0]).all(axis=-1)
+    titles, x = [title for title, seen in zip(titles, there, strict=True) if seen], x[:, there]
+    E = speckle.strains(x, x[0])
+    speckle.write(out / "strains.csv", names, titles, x[0], E, unit)
+    shown = speckle.draw(last, tracks.x[-1, there], E[-1], f"{names[-1]}: Green-Lagrange strains")
+    plots.save(shown, out / "strains.png")
 
 
 def _plane(s: Settings, photo: Path, first: Array) -> plane.Plane:
@@ -96,18 +110,42 @@ def _plane(s: Settings, photo: Path, first: Array) -> plane.Plane:
         raise InputError(f"{photo}: {error}".rstrip(".") + ".") from error
 
 
-def _begin(s: Settings, photo: Path, first: Array) -> tuple[marks.Look, Array]:
-    """How the marks look, and where they are in the first photograph, in reading order."""
+def _begin(s: Settings, photographs: Sequence[Path], first: Array) -> tuple[str, Array, Follow]:
+    """What is followed, in words, where it is in the first photograph, in reading order, and what follows it."""
     x, y, end, below = (int(v) for v in s.region or (0, 0, first.shape[1], first.shape[0]))
-    cut = first[max(y, 0) : below, max(x, 0) : end]
-    if min(cut.shape) < 20:
-        raise InputError(f"The region {x},{y},{end},{below} holds nothing of {photo}; give x0,y0,x1,y1 in pixels.")
+    x, y, end, below = max(x, 0), max(y, 0), min(end, first.shape[1]), min(below, first.shape[0])
+    if min(end - x, below - y) < 20:
+        raise InputError(
+            f"The region {x},{y},{end},{below} holds nothing of {photographs[0]}; give x0,y0,x1,y1 in pixels."
+        )
+    size = first.shape[0], first.shape[1]
+    lights = [_light(photo, size) for photo in photographs]
     try:
+        if s.kind == "speckle":
+            side = max(speckle.LEAST_SIDE, s.widest or speckle.SIDE) // 2 * 2 + 1
+            places = speckle.facets(first, (x, y, end, below), side)
+            said = f"facets of {side} x {side} pixels"
+            return said, places, lambda x0, hand: speckle.follow(lights, x0, hand, side)
+        cut = first[y:below, x:end]
         look = marks.look(cut, kind=s.kind, dark=s.dark, widest=s.widest)
     except InputError as error:
-        raise InputError(f"{photo}: {error}.") from error
-    found = marks.Picture(cut, look).marks() + [max(x, 0), max(y, 0)]
-    return look, _in_reading_order(found, look.radius)
+        raise InputError(f"{photographs[0]}: {error}.") from error
+    found = marks.Picture(cut, look).marks() + [x, y]
+    what = "crossings of a grid" if look.kind == "grid" else look.kind
+    pictures = [_open(one, look) for one in lights]
+    return (
+        f"{'dark' if look.dark else 'light'} {what}",
+        _in_reading_order(found, look.radius),
+        lambda x0, hand: tracking.follow(pictures, x0, hand),
+    )
+
+
+def _light(photo: Path, size: tuple[int, int]) -> Callable[[], Array]:
+    return lambda: reading.light(photo, size)
+
+
+def _open(light: Callable[[], Array], look: marks.Look) -> Callable[[], marks.Picture]:
+    return lambda: marks.Picture(light(), look)
 
 
 def _in_reading_order(x: Array, radius: float) -> Array:
@@ -120,15 +158,10 @@ def _in_reading_order(x: Array, radius: float) -> Array:
     return x[np.lexsort((x[:, 0], line))]
 
 
-def _open(photo: Path, size: tuple[int, ...], look: marks.Look) -> Callable[[], marks.Picture]:
-    return lambda: marks.Picture(reading.light(photo, (size[0], size[1])), look)
-
-
-def _tell(say: Callable[[str], object], look: marks.Look, tracks: tracking.Tracks, titles: Sequence[str],
+def _tell(say: Callable[[str], object], found: str, tracks: tracking.Tracks, titles: Sequence[str],
           names: Sequence[str], scale: str, miss: float) -> None:  # fmt: skip
     lost = tracks.state == tracking.LOST
-    what = "crossings of a grid" if look.kind == "grid" else look.kind
-    say(f"  {len(titles)} {'dark' if look.dark else 'light'} {what} in {len(names)} photographs; {scale}")
+    say(f"  {len(titles)} {found} in {len(names)} photographs; {scale}")
     for j in np.flatnonzero(lost.any(axis=0)).tolist():
         k = np.flatnonzero(lost[:, j]).tolist()
         say(f"  {titles[j]} is lost in {len(k)} of them, from {names[k[0]]} on" if len(k) > 1 else

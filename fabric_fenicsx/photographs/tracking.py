@@ -78,12 +78,12 @@ def _next(picture: Picture, x: Array, state: np.ndarray, spacing: Array, depth: 
         return guesses[0], np.full(len(last), LOST)
     place[seen] = marks[found[seen]]
     while seen.sum() > 3:  # one that is wrong makes its neighbours look wrong: the worst goes first
-        off = np.linalg.norm(place[seen] - _carried(last[seen], last[seen], place[seen]), axis=1) / spacing[seen]
+        off = np.linalg.norm(place[seen] - carried(last[seen], last[seen], place[seen]), axis=1) / spacing[seen]
         if off.max() <= APART:
             break
         seen[np.flatnonzero(seen)[off.argmax()]] = False
     missing = np.flatnonzero(~seen)
-    place[missing] = _carried(last[missing], last[seen], place[seen])
+    place[missing] = carried(last[missing], last[seen], place[seen])
     again, symmetric = picture.place(place[missing])
     near = np.linalg.norm(again - place[missing], axis=1) < APART * spacing[missing]
     good = near & picture.whole(again) & (symmetric > SYMMETRIC)
@@ -121,7 +121,7 @@ def _match(marks: Array, guess: Array, known: np.ndarray, spacing: Array) -> np.
     return out
 
 
-def _carried(at: Array, before: Array, after: Array) -> Array:
+def carried(at: Array, before: Array, after: Array) -> Array:
     """Where places `at` (p, 2) have gone with the marks around them, which went from `before` to `after`.
 
     By the affine map of the nearest ones, of which a few may be wrong; a mark tells nothing of itself.
