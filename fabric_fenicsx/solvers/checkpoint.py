@@ -1,7 +1,8 @@
 """A run on disk: saved between two steps, and gone on with, on any number of ranks.
 
 Everything is kept cell by cell, in the order of the cells in the mesh's own file, so that it fits however the
-mesh is shared out. On one rank what follows is the same to the last bit; on several, MUMPS adds up as messages come.
+mesh is shared out. On as many ranks what follows is the same to the last bit; large systems on several ranks differ in
+round-off, with or without a checkpoint (`redundant`).
 """
 
 import hashlib

@@ -11,6 +11,7 @@ from petsc4py import PETSc
 
 from ..shell.directors import ShellSpace
 from ..surfaces import placing
+from .redundant import Redundant, own
 
 Options = dict[str, object]
 """None: not given, where another has been."""
@@ -71,6 +72,9 @@ SMALL: Options = {"mat_mumps_icntl_7": 2}
 ROOM: Options = {"mat_mumps_icntl_14": 200}
 """MUMPS guesses the room that it needs, for small systems on several ranks not well enough: percent more of it."""
 
+FACTORS = {"lu": "LU by MUMPS", "cholesky": "LDL' by MUMPS"}
+"""Types of PETSc's PC, and their names."""
+
 _number = itertools.count()
 
 
@@ -89,21 +93,23 @@ def configure(snes: PETSc.SNES, A: PETSc.Mat, options: Options, symmetric: bool 
     prefix = f"statics{next(_number)}_"
     snes.setOptionsPrefix(prefix)
     store = PETSc.Options(prefix)
-    # on several ranks its tree is too slender: 1.2 times as fast on two, 1.65 with MUMPS's own (40 x 40 cells)
     small = A.size[0] < 10000
-    room = (SMALL if A.comm.size == 1 else ROOM) if small else {}
-    every = MUMPS | room | (SYMMETRIC if symmetric else DIRECT) | options
+    every = MUMPS | (SMALL if small else {}) | (SYMMETRIC if symmetric else DIRECT) | options
     given = {name: value for name, value in every.items() if value is not None}
     for name, value in given.items():
         store[name] = value
     snes.setFromOptions()
+    pc = snes.ksp.getPC()
+    if small and A.comm.size > 1 and pc.getType() in FACTORS and given["pc_factor_mat_solver_type"] == "mumps":
+        pc.setType("python")
+        pc.setPythonContext(Redundant(prefix))
     weakref.finalize(snes, _forget, store, list(given))
 
 
 def method(snes: PETSc.SNES) -> str:
     """How a SNES solves its linear systems, in words."""
-    kind, pc = snes.ksp.getType(), snes.ksp.getPC().getType()
-    factors = {"lu": "LU by MUMPS", "cholesky": "LDL' by MUMPS"}.get(pc, pc)
+    kind, pc = snes.ksp.getType(), own(snes.ksp).getPC().getType()
+    factors = FACTORS.get(pc, pc)
     return factors if kind == "preonly" else f"{kind} with {factors}"
 
 

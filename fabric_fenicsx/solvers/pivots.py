@@ -11,6 +11,7 @@ from dolfinx import fem
 from petsc4py import PETSc
 
 from ..surfaces import placing
+from .redundant import own
 
 LEAST, MOST, GROWTH, DECAY = 1e-9, 1e3, 8.0, 16.0  # of shifts: the first and last one, as parts of the largest diagonal
 
@@ -57,7 +58,7 @@ class Pivots:
         """MUMPS's error, 0 if there is none, and numbers of negative and of null pivots."""
         ksp.setOperators(A)
         ksp.setUp()
-        factors = ksp.getPC().getFactorMatrix()
+        factors = own(ksp).getPC().getFactorMatrix()
         fault, negative, null = (factors.getMumpsInfog(k) for k in (1, 12, 28))
         factors.destroy()  # one hold on them, that of Python, which on several ranks lets nothing go by itself
         if fault < 0:

@@ -8,6 +8,7 @@ from petsc4py import PETSc
 
 from ..surfaces import placing
 from .pivots import uneven
+from .redundant import own
 
 AXES = ("x", "y", "z")
 
@@ -25,7 +26,7 @@ def named(solver: Any) -> str:
     force.array_w[solver._given] = 0.0
     try:
         ksp.setUp()
-        count = ksp.getPC().getFactorMatrix().getMumpsInfog(28) if ksp.getType() == "preonly" else 0
+        count = own(ksp).getPC().getFactorMatrix().getMumpsInfog(28) if ksp.getType() == "preonly" else 0
         if count == 0:
             return ""
         diagonal = A.getDiagonal()
