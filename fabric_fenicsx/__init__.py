@@ -63,7 +63,8 @@ the directors, `surfaces.placing` where a garment starts, `surfaces.outlines` it
 `contact.free_body` and `contact.free_bodies` contact, `terms.extra` and `solvers.unknowns` unknowns beside a sheet's,
 `garments.patterns`, `garments.dxf`, `garments.garmentcode` and `garments.outlines` patterns from files,
 `garments.limb`, `garments.hips` and `garments.measures` the wearer, `solvers.leading` what leads,
-`solvers.held`, `solvers.zero_energy` and `solvers.drag` statics, `solvers.reactions` and `solvers.failures` all of
+`solvers.held`, `solvers.zero_energy` and `solvers.drag` statics, `solvers.redundant` several ranks,
+`solvers.reactions` and `solvers.failures` all of
 them, `entries` the TOML files, `compiling` the forms that are compiled once and kept,
 `files`, `output.gathering` and `output.moving` what is written, `photographs.reading`, `photographs.marks`,
 `photographs.tracking`, `photographs.speckle`, `photographs.plane`, `photographs.corrections`,

@@ -36,7 +36,8 @@ FLOORS = [
     {"terms": [{"supports", "term", "points", "weakform", "kernels"}, {"hook", "extra", "pairing"}, {"work", "form"}]},
     {
         "solvers": [
-            {"held", "pivots"},
+            {"held", "redundant"},
+            {"pivots"},
             {"zero_energy"},
             {"linear", "continuation", "checkpoint", "reactions", "tangent", "failures"},
             {"marching", "motion", "leading"},

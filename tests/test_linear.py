@@ -48,6 +48,32 @@ def falling(cloth, options):
     return run.solver
 
 
+@pytest.mark.parallel
+def test_a_system_that_each_rank_has_as_a_whole_is_solved_as_the_shared_one(monkeypatch):
+    """The same answer, through new values of one matrix, and one answer to the last bit; the same signs of pivots."""
+    cloth, answers = square("elastic", 4, "mitc4"), {}
+    for whole in (0, np.inf):
+        monkeypatch.setattr(linear, "WHOLE", whole)
+        solver, g = stretched(cloth, {})
+        found = []
+        for pull in (-1.0, -9.81, -1.0):
+            g.value[2] = pull
+            for _ in range(2):
+                cloth.q.x.array[:] = 0.0
+                b = solver.residual(solver.begin()).copy()
+                x = b.duplicate()
+                solver.factorised(b).solve(b, x)
+                found.append(x.array_r.copy())
+        answers[whole] = found, solver._pivots.count(solver.snes.ksp, solver.tangent.A)
+        assert linear.method(solver.snes) == "LDL' by MUMPS"
+    shared, own = answers[0][0], answers[np.inf][0]
+    size = COMM.allreduce(np.abs(own[0]).max(initial=0.0), MPI.MAX)
+    for one, other in zip(shared, own, strict=True):
+        assert np.abs(one - other).max(initial=0.0) < 1e-9 * size
+    assert all(np.array_equal(own[k], own[k + 1]) for k in (0, 2, 4)) and np.array_equal(own[0], own[4])
+    assert answers[0][1] == answers[np.inf][1] == (0, 0)
+
+
 @pytest.mark.parallel(first=2)
 @pytest.mark.parametrize("kinematics, element", [("shell", "mitc4"), ("shell", "regge"), ("membrane", "mitc4")])
 def test_a_free_sheet_resists_no_rigid_motion(kinematics, element):

@@ -70,7 +70,11 @@ SMALL: Options = {"mat_mumps_icntl_7": 2}
 """An ordering by least fill (AMF) saves as much; from 10 000 unknowns on MUMPS's own choice is better."""
 
 ROOM: Options = {"mat_mumps_icntl_14": 200}
-"""MUMPS guesses the room that it needs, for small systems on several ranks not well enough: percent more of it."""
+"""MUMPS guesses the room that it needs, on several ranks not well enough, and then fails (10 725 unknowns of a strip on
+two): percent more of it."""
+
+WHOLE = 10000
+"""Unknowns below which each of several ranks factorises the whole matrix: `redundant`."""
 
 FACTORS = {"lu": "LU by MUMPS", "cholesky": "LDL' by MUMPS"}
 """Types of PETSc's PC, and their names."""
@@ -93,14 +97,16 @@ def configure(snes: PETSc.SNES, A: PETSc.Mat, options: Options, symmetric: bool 
     prefix = f"statics{next(_number)}_"
     snes.setOptionsPrefix(prefix)
     store = PETSc.Options(prefix)
-    small = A.size[0] < 10000
-    every = MUMPS | (SMALL if small else {}) | (SYMMETRIC if symmetric else DIRECT) | options
+    several, size = A.comm.size > 1, A.size[0]
+    whole = several and size < WHOLE
+    room = ROOM if several and not whole else SMALL if size < 10000 else {}
+    every = MUMPS | room | (SYMMETRIC if symmetric else DIRECT) | options
     given = {name: value for name, value in every.items() if value is not None}
     for name, value in given.items():
         store[name] = value
     snes.setFromOptions()
     pc = snes.ksp.getPC()
-    if small and A.comm.size > 1 and pc.getType() in FACTORS and given["pc_factor_mat_solver_type"] == "mumps":
+    if whole and pc.getType() in FACTORS and given["pc_factor_mat_solver_type"] == "mumps":
         pc.setType("python")
         pc.setPythonContext(Redundant(prefix))
     weakref.finalize(snes, _forget, store, list(given))

@@ -1,8 +1,7 @@
 """Small systems on several ranks: each rank factorises the whole matrix, which is faster and repeats to the last bit.
 
 MUMPS on several ranks adds up as messages come, in the analysis, the factors and the solution, whatever its ordering;
-residual and stiffness are the same bits each time. On two ranks the whole matrix on each takes half the time of a
-shared one, up to 24 000 unknowns (`demos/studies/scaling.py --redundant`).
+residual and stiffness are the same bits each time. `mpirun -n 2 python demos/studies/redundant.py` compares the two.
 """
 
 import numpy as np
