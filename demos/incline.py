@@ -26,8 +26,8 @@ from scipy.optimize import brentq, minimize_scalar
 from fabric_fenicsx import plots
 from fabric_fenicsx.app import command
 from fabric_fenicsx.contact import bodies
+from fabric_fenicsx.contact.coefficients import coulomb, start_of_slip
 from fabric_fenicsx.contact.contact import Contact
-from fabric_fenicsx.contact.planes import coulomb, start_of_slip
 from fabric_fenicsx.errors import InputError
 from fabric_fenicsx.output import results
 from fabric_fenicsx.surfaces import meshing

@@ -41,7 +41,7 @@ Rooms, in the order in which a scene goes through them, and their names; each ro
 - `solvers.energy`: where the work goes: `Ledger`; `solvers.checkpoint`: `save`, `load`, `guard`
 - `output.recording`: all that a run leaves behind, in one line: `Recorder`; `output.showing`: `Plain`
 - `contact.contact`: of a sheet with bodies and with itself: `Contact`; `contact.bodies`: `Plane`, `Sphere`, `Cylinder`,
-  `Capsule`, `Box`, `Ring`, `Surface`; `contact.planes`: friction: `coulomb`, `start_of_slip`
+  `Capsule`, `Box`, `Ring`, `Surface`; `contact.coefficients`: friction: `coulomb`, `start_of_slip`
 - `contact.deforming`: bodies as frames tell: `Deforming`
 - `garments.panels`: of a pattern: `Panel`, `Edge`, `Flat`, `Rolled`; `garments.sewing`: `sew`, `Seam`, `Garment`
 - `garments.dressing`: onto the body, and from there on: `Dressing`, `worn`; `garments.limbs`: `arm`, `leg`
@@ -59,8 +59,9 @@ The other rooms serve these: `surfaces.checking`, `surfaces.grouping` and `surfa
 the directors, `surfaces.placing` where a garment starts, `surfaces.outlines` its cells, `terms.kernels` and
 `terms.pairing` the stiffness, `solvers.tangent` the matrix, `solvers.stepper`, `solvers.step` and
 `solvers.stable_step` the motions, `contact.skin`, `contact.collisions`, `contact.surroundings`,
-`contact.pairs`, `contact.barrier`, `contact.friction`, `contact.coefficients`, `contact.pressure`,
-`contact.free_body` and `contact.free_bodies` contact, `terms.extra` and `solvers.unknowns` unknowns beside a sheet's,
+`contact.triangles`, `contact.points`, `contact.shapes`, `contact.gaps`, `contact.pairs`, `contact.barrier`,
+`contact.friction`, `contact.pressure`, `contact.free_body` and `contact.free_bodies` contact, `terms.extra` and
+`solvers.unknowns` unknowns beside a sheet's,
 `garments.patterns`, `garments.dxf`, `garments.garmentcode` and `garments.outlines` patterns from files,
 `garments.limb`, `garments.hips` and `garments.measures` the wearer, `solvers.leading` what leads,
 `solvers.held`, `solvers.zero_energy` and `solvers.drag` statics, `solvers.redundant` several ranks,
@@ -76,10 +77,11 @@ short, each ends in an exact check, and are meant to be copied and changed.
 
 # What it cannot do
 
-- **Contact** (`contact`) needs the extra `contact` and is asked for; else a sheet goes through itself and others.
-  Bodies with mass touch the sheet only, not each other; in statics there are none. Smoothed friction creeps. The
-  pressure at a given gap varies with the mesh of a body, by a factor of 6. Hard explicit impacts of free bodies do not
-  keep energy: take implicit steps.
+- **Contact** (`contact`) is asked for; else a sheet goes through itself and others. Planes, spheres and capsules that
+  are large against a sheet's cells are exact; all else needs the extra `contact`. Without it, boxes and cylinders touch
+  points of a sheet, and triangles between these dip into their edges. Bodies with mass touch the sheet only, not each
+  other; in statics there are none. Smoothed friction creeps. The pressure at a given gap varies with the mesh of a body
+  of triangles, by a factor of 6. Hard explicit impacts of free bodies do not keep energy: take implicit steps.
 - **Failure.** Yarns do not break, yield, creep or relax: stress depends on strain and on its past, not on time.
 - **Beyond the tests.** A fabric is known up to the largest strain of its tests. From there its curves go on along their
   tangents, and a warning says so once.

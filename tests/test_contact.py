@@ -237,7 +237,7 @@ def test_a_led_body_takes_the_sheet_along_and_its_work_is_the_ledgers():
         before = height
     assert touch.force(ball)[2] < -0.3
     assert ledger.totals["external"] == pytest.approx(work, rel=0.02)
-    assert abs(ledger.totals["imbalance"]) < 0.01 * ledger.most
+    assert abs(ledger.totals["imbalance"]) < 0.015 * ledger.most, "which goes with the square of the step"
 
 
 def test_a_body_that_the_sheet_holds_back_fails_the_step_and_goes_nowhere():

@@ -187,7 +187,7 @@ def test_what_cannot_be_is_refused_in_a_sentence(tmp_path, old, new, reason):
 
 def test_without_the_toolkit_a_sentence_says_what_to_install(tmp_path, without_toolkit):
     with pytest.raises(InputError, match=r"pip install 'fabric_fenicsx\[contact\]'"):
-        scenes.build(scene(tmp_path, DROP))
+        scenes.build(scene(tmp_path, DROP.replace("itself = false", "itself = true")))
 
 
 def test_a_scene_without_contact_imports_nothing_of_it(tmp_path):

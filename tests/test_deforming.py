@@ -181,7 +181,8 @@ def frames(folder, *heights, times):
 
 def test_frames_of_a_rigid_ball_push_a_sheet_as_the_led_ball_does(tmp_path):
     body = frames(tmp_path, 0.0, 0.02, times=[5.0, 7.0])
-    led = '[[body]]\nname = "ball"\nkind = "sphere"\nradius_m = 0.15\ncentre_m = [0.3, 0.3, -0.155]\ncells = 6\n'
+    save(tmp_path / "mesh", [BALL.rest], BALL.faces, "obj")
+    led = '[[body]]\nname = "ball"\nkind = "surface"\nfile = "mesh/frame0.obj"\n'
     tables = [
         run(tmp_path, SCENE + text + "[statics]\nsteps = 2\n", out)
         for text, out in ((body, "own"), (led + "shift_m = [0, 0, 0.02]\n", "led"))

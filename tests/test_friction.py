@@ -6,8 +6,8 @@ import ufl
 from test_contact import G, H, M, square
 
 from fabric_fenicsx.contact import bodies
+from fabric_fenicsx.contact.coefficients import coulomb, start_of_slip
 from fabric_fenicsx.contact.contact import Contact
-from fabric_fenicsx.contact.planes import coulomb, start_of_slip
 from fabric_fenicsx.errors import InputError
 
 MU, SLIP = 0.3, 1e-3
@@ -79,9 +79,9 @@ def test_the_tangent_of_friction_that_differs_is_exact_on_planes():
         forces.append(total[local])
     q[local] = start + place
     term.evaluate()
-    around = touch._around
-    _, _, change = term.of_plane(0)
-    assert len(change) == len(around.skin.rest)
+    term._forces()
+    ((_, change),) = term._closed
+    assert len(change) == len(touch.rest)
     assert np.einsum("ijk,ik->ij", change, way) == pytest.approx((forces[0] - forces[1]) / 2e-9, rel=1e-5, abs=1e-6)
 
 
@@ -126,22 +126,28 @@ def test_a_fast_sheet_does_not_pass_a_small_ball_in_any_motion(method):
         assert touch.least_gap() > 0.0 and not touch.crossed()
 
 
-def test_lagged_friction_is_the_slope_of_its_potential():
+@pytest.mark.parametrize("triangles", [False, True])
+def test_lagged_friction_is_the_slope_of_its_potential(triangles):
     cloth = square("mitc4", 4)
-    ball = bodies.Sphere(0.1, (0.1, 0.1, -0.1 - 3 * H), cells=8)
-    touch = Contact(cloth, [ball], friction=MU, reach=4e-3, creep=1e-4, lagged=True)
+    around = [bodies.Sphere(0.1, (0.1, 0.1, -0.1 - 3 * H), cells=8), bodies.Plane(point=(0, 0, -4 * H))]
+    if triangles:
+        around = [bodies.Body(body.rest, body.faces, body.name) for body in around]
+    touch = Contact(cloth, around, friction=MU, reach=4e-3, creep=1e-4, lagged=True)
     term, near, rng = touch.terms[0], touch._around.collisions, np.random.default_rng(0)
+    sheet = slice(None)
     x0, way = near.x.copy(), rng.standard_normal(near.x.shape)
 
     def at(part):
-        near.place(x0 + 1e-4 * part * way, near.shifts)
+        near.place(x0 + 1e-4 * part * way)
         return term.potential(), term._forces()
 
     (low, f0), (high, f1), (_, f) = at(1 - 1e-4), at(1 + 1e-4), at(1.0)
     assert np.sum(f * way) * 2e-8 == pytest.approx(high - low, rel=1e-4) and high > 0.0
-    expected = sum(term._matrices()) @ way.ravel()
-    assert (f1 - f0).ravel() / 2e-8 == pytest.approx(expected, abs=1e-4 * np.abs(expected).max())
+    if not triangles:  # those have entries between nodes of the sheet
+        way[near.count :], sheet = 0.0, slice(0, 3 * near.count)
+        (_, f0), (_, f1), _ = at(1 - 1e-4), at(1 + 1e-4), at(1.0)
+    expected = (sum(term._matrices()) @ way.ravel())[sheet]
+    assert (f1 - f0).ravel()[sheet] / 2e-8 == pytest.approx(expected, abs=1e-4 * np.abs(expected).max())
     assert term.symmetric and term.dissipated() == pytest.approx(1e-4 * np.sum(f * way))
-    for wrong in ({"friction": (0.3, 0.2)}, {"bodies": [bodies.Plane(point=(0, 0, -1))]}):
-        with pytest.raises(InputError, match="one coefficient, and no plane"):
-            Contact(cloth, wrong.pop("bodies", [ball]), **{"friction": MU, "reach": 4e-3, "lagged": True, **wrong})
+    with pytest.raises(InputError, match="one coefficient for all directions"):
+        Contact(cloth, around, friction=(0.3, 0.2), reach=4e-3, lagged=True)

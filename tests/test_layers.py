@@ -62,9 +62,10 @@ FLOORS = [
     {"sheet"},
     {
         "contact": [
-            {"bodies", "skin"},
-            {"coefficients", "free_body"},
-            {"planes", "deforming", "free_bodies"},
+            {"triangles", "skin"},
+            {"bodies"},
+            {"coefficients", "free_body", "shapes", "points"},
+            {"gaps", "deforming", "free_bodies"},
             {"collisions"},
             {"surroundings", "pressure"},
             {"pairs"},

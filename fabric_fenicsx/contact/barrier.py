@@ -2,8 +2,6 @@
 
 from typing import Any
 
-import numpy as np
-
 from ..laws import Array
 from .pairs import PairTerm
 
@@ -39,14 +37,6 @@ class Barrier(PairTerm):
     def potential(self) -> float:
         """See `Term.potential`."""
         return self.energy()
-
-    def _step_work(self) -> float:
-        around, work = self._around, super()._step_work()
-        if self._first and len(around.shifts):
-            near = around.collisions
-            pressed = [near.planes.forces(k, near.nodes, shift).sum(axis=0) for k, shift in enumerate(around.shifts)]
-            work -= float(np.sum(np.array(pressed) * (around.shifts - around.shifts0)))
-        return work
 
     def commit(self) -> None:
         """See `Term.commit`."""

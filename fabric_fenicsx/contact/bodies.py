@@ -1,7 +1,8 @@
-"""Bodies that a sheet may touch: planes, and surfaces of triangles, fixed or led.
+"""Bodies that a sheet may touch: planes, simple ones, and surfaces of triangles, fixed, led or free.
 
-A curved surface is made of triangles with their corners on it, so that they stand inside by the `sagitta`. A finer one
-costs little where the sheet does not touch it.
+Planes, spheres and capsules without mass are exact, see `shapes`, if these are not small against a sheet's cells; their
+triangles are for pictures. Others touch as triangles, whose corners are on curved surfaces: a finer one costs little
+where the sheet does not touch it.
 """
 
 from collections.abc import Callable, Sequence
@@ -15,6 +16,7 @@ from scipy.spatial.transform import Rotation
 from ..errors import InputError
 from ..laws import Array
 from ..surfaces import meshing
+from .triangles import cube, joined, squares, turned
 
 type Vector = Sequence[float]
 
@@ -94,7 +96,17 @@ class Body:
             raise InputError(f"The body {self.name!r} has mass and moves freely; leave the mass out to lead it.")
 
 
-class Plane(Body):
+class Rigid(Body):
+    """A body that keeps its shape, which is exact where no triangles are needed; see `shapes`."""
+
+    def deform(self, places: Array) -> None:
+        """Refused."""
+        raise InputError(
+            f"The body {self.name!r} keeps its shape: take a `Body` of its corners and faces to deform it."
+        )
+
+
+class Plane(Rigid):
     """The space behind a plane without end, exactly; it may be shifted but not turned.
 
     normal: towards the free side. point: on it, m. size: of the square that pictures show, m.
@@ -119,32 +131,33 @@ class Plane(Body):
         super().move(shift)
 
 
-class Sphere(Body):
+class Sphere(Rigid):
     """radius, centre in m; cells: along a quarter of its circumference."""
 
     def __init__(self, radius: float, centre: Vector = (0, 0, 0), *, cells: int = 12, name: str = "sphere") -> None:
         _positive(name, radius=radius, cells=cells)
-        cube, faces = _cube(cells)
-        ball = np.tan(np.pi / 4 * cube)
+        corners, faces = cube(cells)
+        ball = np.tan(np.pi / 4 * corners)
         ball /= np.linalg.norm(ball, axis=1, keepdims=True)
         self.radius, self.centre = radius, np.array(centre, dtype=float)
         super().__init__(self.centre + radius * ball, faces, name)
 
 
-class Box(Body):
+class Box(Rigid):
     """size (3 numbers) and centre in m, its sides along the axes before its turn (rad, see `Body.move`)."""
 
     def __init__(
         self, size: Vector, centre: Vector = (0, 0, 0), turn: Vector = (0, 0, 0), *, cells: int = 1, name: str = "box"
     ) -> None:
         _positive(name, size=min(size), cells=cells)
-        corners, faces = _cube(cells)
+        corners, faces = cube(cells)
         super().__init__(corners * np.array(size) / 2, faces, name)
-        self.rest = Rotation.from_rotvec(np.array(turn, dtype=float)).apply(self.rest) + np.array(centre, dtype=float)
+        self.size, self.frame = size, Rotation.from_rotvec(np.array(turn, dtype=float)).as_matrix().T
+        self.rest = self.rest @ self.frame + np.array(centre, dtype=float)
         self.target = self.rest.copy()
 
 
-class Cylinder(Body):
+class Cylinder(Rigid):
     """A closed cylinder: radius and length in m, axis through its centre (m); cells: in a quarter of its circle."""
 
     def __init__(
@@ -159,8 +172,9 @@ class Cylinder(Body):
     ) -> None:
         name = name or type(self).__name__.lower()
         _positive(name, radius=radius, length=length, cells=cells)
-        rest, faces = _turned(self._profile(radius, length, cells), 4 * cells)
-        super().__init__(rest @ _frame(axis, name) + np.array(centre, dtype=float), faces, name)
+        rest, faces = turned(self._profile(radius, length, cells), 4 * cells)
+        self.radius, self.length, self.frame = radius, length, _frame(axis, name)
+        super().__init__(rest @ self.frame + np.array(centre, dtype=float), faces, name)
 
     def _profile(self, radius: float, length: float, cells: int) -> Array:
         """Radii and heights, upwards."""
@@ -198,7 +212,7 @@ class Ring(Body):
         out = radius + wire * np.cos(across)
         circles = [np.column_stack([out * c, out * s, wire * np.sin(across)])
                    for c, s in zip(np.cos(around), np.sin(around), strict=True)]  # fmt: skip
-        rest, faces = _joined(np.concatenate(circles), _squares(len(around), len(across)))
+        rest, faces = joined(np.concatenate(circles), squares(len(around), len(across)))
         super().__init__(rest @ _frame(axis, name) + np.array(centre, dtype=float), faces, name)
 
 
@@ -251,41 +265,6 @@ def _frame(axis: Vector, name: str) -> Array:
     z = _unit(axis, name)
     x = np.linalg.svd(z[None])[2][1]
     return np.array([x, np.cross(z, x), z])
-
-
-def _cube(cells: int) -> tuple[Array, np.ndarray]:
-    """Corners of the cube from -1 to 1 whose sides are of cells x cells squares, and its triangles, outward."""
-    n = cells + 1
-    s, t = (a.ravel() for a in np.meshgrid(*[np.linspace(-1, 1, n)] * 2, indexing="ij"))
-    sides = [np.roll(np.stack([np.full(n * n, side), s, t * side], axis=1), k, axis=1) for side in (-1.0, 1.0)
-             for k in range(3)]  # fmt: skip
-    squares = _squares(n, n)
-    faces = np.concatenate([squares + k * n * n for k in range(6)])
-    return _joined(np.concatenate(sides), faces)
-
-
-def _turned(profile: Array, count: int) -> tuple[Array, np.ndarray]:
-    """A surface about z of a profile of radii and heights (n, 2), upwards, whose ends are on the axis."""
-    angle = 2 * np.pi * np.arange(count + 1) / count
-    angle[-1] = 0.0
-    around = np.stack([np.cos(angle), np.sin(angle)], axis=1)
-    x = np.concatenate([np.column_stack([r * around, np.full(count + 1, z)]) for r, z in profile])
-    return _joined(x, _squares(len(profile), count + 1)[:, ::-1])
-
-
-def _squares(n: int, m: int) -> np.ndarray:
-    """Two triangles for each square of a grid of n x m points."""
-    i = (np.arange(n - 1)[:, None] * m + np.arange(m - 1)).ravel()
-    return np.concatenate([np.stack([i, i + m, i + m + 1], axis=1), np.stack([i, i + m + 1, i + 1], axis=1)])
-
-
-def _joined(x: Array, faces: np.ndarray) -> tuple[Array, np.ndarray]:
-    """The same with points that coincide as one, and without the triangles that this makes lines of."""
-    size = np.abs(x).max()
-    _, first, which = np.unique(np.round(x / size, 9) + 0.0, axis=0, return_index=True, return_inverse=True)
-    faces = which.ravel()[faces]
-    a, b, c = faces.T
-    return x[first], faces[(a != b) & (b != c) & (c != a)]
 
 
 KINDS: dict[str, Callable[..., Body]] = {

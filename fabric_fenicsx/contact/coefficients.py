@@ -7,10 +7,44 @@ the way. Of two sheets that touch each other it is the mean of both.
 
 import numpy as np
 import scipy.sparse
+from scipy.optimize import brentq
 
 from ..laws import Array
 from ..sheet import Sheet
 from .skin import Skin
+
+
+def coulomb(slid: Array, length: float, static: Array | float, kinetic: Array | float) -> tuple[Array, Array]:
+    """Coefficient of friction over the way that was slid, and its derivative by half the square of that way.
+
+    It grows as 2 y - y^2 over the `length`, the coefficient itself going smoothly from static to kinetic.
+    """
+    y = slid / length
+    sliding = y >= 1.0
+    step = np.where(y < 0.5, 2 * y**2, 1 - 2 * (1 - y) ** 2)
+    mu, rise = (
+        static + (kinetic - static) * step,
+        (kinetic - static) * np.where(y < 0.5, 4.0, 4 / np.maximum(y, 0.5) - 4),
+    )
+    h = np.where(sliding, kinetic / np.where(sliding, slid, 1.0), mu * (2 - y) / length)
+    bend = (rise * (2 - y) - mu / np.where(sliding, 1.0, np.maximum(y, 1e-12))) / length**3
+    return h, np.where(sliding, -kinetic / np.where(sliding, slid, 1.0) ** 3, bend)
+
+
+def start_of_slip(static: float, kinetic: float) -> float:
+    """The coefficient from which `coulomb` starts so that its peak is the static one.
+
+    Growing and falling overlap, so that a start at the static coefficient itself would peak below it, or not at all.
+    Raises ValueError for a static coefficient below the kinetic one.
+    """
+    if static == kinetic:
+        return kinetic
+    y = np.linspace(1e-3, 1.0, 2000)
+
+    def peak(start: float) -> float:
+        return float(np.max(coulomb(y, 1.0, start, kinetic)[0] * y))
+
+    return float(brentq(lambda start: peak(start) - static, kinetic, 4 * static, xtol=1e-12))
 
 
 class Directions:

@@ -4,6 +4,7 @@ Its barrier b(d) is zero from the `reach` on and infinite at distance zero, d be
 area weights, and its stiffness k as a pressure (Pa), sheets at half the reach press with about k to 6 k, by meshes.
 """
 
+import itertools
 from collections.abc import Iterator, Sequence
 from typing import Any
 
@@ -11,28 +12,37 @@ import numpy as np
 
 from ..errors import InputError
 from ..laws import Array
-from .bodies import Body, Plane
-from .planes import Planes
+from .bodies import Body, Capsule, Plane, Sphere
+from .gaps import Gaps
+from .points import parts
 
-MISSING = "Contact needs the IPC Toolkit: pip install 'fabric_fenicsx[contact]', or pip install ipctk==1.6.0."
+MISSING = (
+    "This contact needs the IPC Toolkit: pip install 'fabric_fenicsx[contact]', or pip install ipctk==1.6.0. Without "
+    "it a sheet touches planes, boxes, cylinders, and spheres and capsules that are large against its cells; they have "
+    "no mass, and it does not touch itself (itself=False)."
+)
+SMOOTH = Plane, Sphere, Capsule
+"""Bodies in closed form, always; others have sharp edges, and are of triangles where the toolkit is there."""
 
 
 def toolkit() -> Any:
-    """The module `ipctk`, which is loaded here and nowhere else, so that a scene without contact needs none."""
+    """The module `ipctk`, or None; it is loaded here and nowhere else, so that a scene without contact needs none."""
     try:
         import ipctk
-    except ImportError as error:
-        raise InputError(MISSING) from error
+    except ImportError:
+        return None
     # what a rank does alone has one thread, as all else
     ipctk.set_num_threads(1)
     return ipctk
 
 
 class Collisions:
-    """All corners of a sheet and of bodies, in one array of places: those of the sheet, then those of the bodies.
+    """All corners of a sheet and of bodies, in one array of places: of the sheet, of bodies of triangles, of others.
 
-    Public: `count` of the sheet's corners; `x`, the present places (n, 3), and `shifts` of the `planes` (m, 3);
-    `set` and `barrier`, the toolkit's present pairs and potential; `mesh` and `kit`, the toolkit's surface and itself.
+    Public: `count` of the sheet's corners; `x`, the present places (n, 3); `bodies` in the order of their corners, and
+    `corners` of each; `gaps`, with those in closed form, the last `shaped` ones. Of the toolkit, `kit`, None where it
+    has nothing to do: `set` and `barrier`, its present pairs and potential, `mesh`, its surface, and `surface`, the
+    triangles of that (m, 3).
 
     Args:
         rest, faces: of the sheet.
@@ -51,37 +61,52 @@ class Collisions:
         reach: float,
         stiffness: float,
     ) -> None:
-        self.kit = kit = toolkit()
         self.count, self.offset, self.reach, self.stiffness = len(rest), offset, reach, stiffness
-        areas = _areas(rest, faces)
-        flat = [body for body in bodies if isinstance(body, Plane)]
-        self.planes, self.shifts = Planes(flat, areas, offset, reach, stiffness), np.zeros((len(flat), 3))
-        places, triangles, starts = [rest], [faces], [len(rest)]
-        for body in bodies:
-            if not isinstance(body, Plane):
-                # the toolkit weighs pairs by areas at rest, also by those of bodies, which are none of a pressure on
-                # the sheet: a body's are at most as large as the sheet's
-                shrunk = min(1.0, np.sqrt(areas.mean() / _areas(body.rest, body.faces).mean()))
-                places.append(shrunk * body.rest)
-                triangles.append(body.faces + starts[-1])
-                starts.append(starts[-1] + len(body.rest))
-        self.starts = starts
+        edge = float(np.linalg.norm(rest[faces] - rest[np.roll(faces, 1, axis=1)], axis=2).max())
+        counts = [parts(body, edge, offset) for body in bodies]
+        kit = toolkit() if itself or not all(isinstance(body, SMOOTH) for body in bodies) or not all(counts) else None
+        if kit is None and (itself or not all(counts)):
+            raise InputError(MISSING)
+        # with the toolkit, sharp edges are exact
+        exact = [n > 0 and (kit is None or isinstance(body, SMOOTH)) for body, n in zip(bodies, counts, strict=True)]
+        solid = [body for body, closed in zip(bodies, exact, strict=True) if not closed]
+        shaped = [body for body, closed in zip(bodies, exact, strict=True) if closed]
+        self.bodies, starts = [*solid, *shaped], np.cumsum([len(rest), *(len(body.rest) for body in [*solid, *shaped])])
+        self.corners = [slice(int(a), int(b)) for a, b in itertools.pairwise(starts)]
+        self._solid = int(starts[len(solid)])
+        chosen = [n for n, closed in zip(counts, exact, strict=True) if closed]
+        self.gaps = Gaps(shaped, self.corners[len(solid) :], chosen, rest, faces, offset, reach, stiffness)
+        self.shaped = len(shaped)
+        self.kit: Any = kit
+        self.set: Any = []
+        self.x, self.surface = np.full((starts[-1], 3), np.nan), faces
+        self._gradient: Array | None = None
+        if kit is not None:
+            self._tie(kit, rest, faces, solid, itself)
+
+    def _tie(self, kit: Any, rest: Array, faces: np.ndarray, solid: Sequence[Body], itself: bool) -> None:
+        """Make the toolkit's surface, of the sheet and bodies of triangles."""
+        areas, places, triangles = _areas(rest, faces), [rest], [faces]
+        for body, corners in zip(solid, self.corners, strict=False):
+            # the toolkit weighs pairs by areas at rest, also by those of bodies, which are none of a pressure on the
+            # sheet: a body's are at most as large as the sheet's
+            shrunk = min(1.0, np.sqrt(areas.mean() / _areas(body.rest, body.faces).mean()))
+            places.append(shrunk * body.rest)
+            triangles.append(body.faces + corners.start)
         every = np.asfortranarray(np.concatenate(triangles).astype(np.int32))
-        self.edges, self.faces = kit.edges(every), every
+        self.edges, self.faces, self.surface = kit.edges(every), every, every
         self.mesh = kit.CollisionMesh(np.asfortranarray(np.concatenate(places)), self.edges, every)
         if itself:
             self.mesh.can_collide = kit.make_static_obstacle_filter(self.count)
         else:
-            part = (np.arange(starts[-1]) >= self.count).astype(np.int32)
+            part = (np.arange(self._solid) >= self.count).astype(np.int32)
             self.mesh.can_collide = kit.make_vertex_patches_filter(part)
-        self.barrier = kit.BarrierPotential(kit.ClampedLogBarrier(), reach, stiffness, True)
+        self.barrier = kit.BarrierPotential(kit.ClampedLogBarrier(), self.reach, self.stiffness, True)
         self._broad, self._narrow = kit.LBVH(), kit.AdditiveCCD()
         self.set = self._empty()
-        self._allowed = 2 * reach
+        self._allowed = 2 * self.reach
         """How far a corner may go before pairs that are near are looked for again, m."""
-        self.x = np.full((starts[-1], 3), np.nan)
-        self._near, self._about = kit.Candidates(), np.full((starts[-1], 3), np.inf)
-        self._gradient: Array | None = None
+        self._near, self._about = kit.Candidates(), np.full((self._solid, 3), np.inf)
 
     def _empty(self) -> Any:
         found = self.kit.NormalCollisions()
@@ -90,29 +115,37 @@ class Collisions:
         return found
 
     def at(self, x: Array) -> Any:
-        """The pairs of corners in these places (n, 3), in Fortran's order."""
-        found, near = self._empty(), self._near
+        """The pairs of corners in these places (n, 3)."""
+        found, near, x = self._empty(), self._near, np.asfortranarray(x[: self._solid])
         if not np.linalg.norm(x - self._about, axis=1).max() < self._allowed:
             near = self.kit.Candidates()
             near.build(self.mesh, x, (self.reach + self.offset) / 2, self._broad)
         found.build(near, self.mesh, x, self.reach, self.offset)
         return found
 
-    def place(self, x: Array, shifts: Array) -> bool:
-        """Put all corners and planes in their places; False where they are not finite, and nothing then touches."""
-        if np.array_equal(x, self.x) and np.array_equal(shifts, self.shifts):
+    @property
+    def met(self) -> Array:
+        """The part of `x` that the toolkit sees."""
+        return self.x[: self._solid]
+
+    def place(self, x: Array) -> bool:
+        """Put all corners in their places; False where they are not finite, and nothing then touches."""
+        if np.array_equal(x, self.x):
             return True
         self._gradient = None
-        if not (np.isfinite(x).all() and np.isfinite(shifts).all()):
+        if not np.isfinite(x).all():
             self.set.clear()
-            self.x = np.full(x.shape, np.nan)
+            self.gaps.near, self.x = [], np.full(x.shape, np.nan)
             return False
-        self.x, self.shifts = np.asfortranarray(x), shifts.copy()
+        self.x = np.asfortranarray(x)
+        self.gaps.place(x)
+        if self.kit is None:
+            return True
         # a broad phase costs as much as all the rest: its pairs are of a wider reach, good until a corner has left it
-        if not np.linalg.norm(x - self._about, axis=1).max() < self._allowed:
-            self._about = self.x
-            self._near.build(self.mesh, self.x, self._allowed + (self.reach + self.offset) / 2, self._broad)
-        self.set.build(self._near, self.mesh, self.x, self.reach, self.offset)
+        if not np.linalg.norm(self.met - self._about, axis=1).max() < self._allowed:
+            self._about = self.met
+            self._near.build(self.mesh, self.met, self._allowed + (self.reach + self.offset) / 2, self._broad)
+        self.set.build(self._near, self.mesh, self.met, self.reach, self.offset)
         return True
 
     @property
@@ -122,38 +155,35 @@ class Collisions:
 
     def energy(self) -> float:
         """Of the barrier, J."""
-        pairs = float(self.barrier(self.set, self.mesh, self.x)) if len(self.set) else 0.0
-        return pairs + (self.planes.energy(self.nodes, self.shifts) if len(self.shifts) else 0.0)
+        return self.gaps.energy() + (float(self.barrier(self.set, self.mesh, self.met)) if len(self.set) else 0.0)
 
     def gradient(self) -> Array:
         """Its derivative by all places (n, 3), N."""
         if self._gradient is None:
             self._gradient = np.zeros(self.x.shape)
             if len(self.set):
-                self._gradient = self.barrier.gradient(self.set, self.mesh, self.x).reshape(-1, 3)
-            for k, shift in enumerate(self.shifts):
-                self._gradient[: self.count] += self.planes.forces(k, self.nodes, shift)
+                pushed = self.barrier.gradient(self.set, self.mesh, self.met)
+                self._gradient[: self._solid] = pushed.reshape(-1, 3)
+            self.gaps.add(self.gaps.forces(), self._gradient)
         return self._gradient
 
     def hessians(self) -> list[Any]:
-        """Its second derivative, sparse matrices (3 n, 3 n) of SciPy, N/m, to be summed up."""
-        found = []
+        """Its second derivative, sparse matrices of SciPy, N/m, to be summed up; without those of bodies' corners."""
+        found = [near.blocks(near.hessian(), self.x.size) for near in self.gaps.near if len(near.points)]
         if len(self.set):
-            found.append(self.barrier.hessian(self.set, self.mesh, self.x))
-        if len(self.shifts):
-            found.append(self.planes.matrix(self.nodes, self.shifts, self.x.size))
+            found.append(self.barrier.hessian(self.set, self.mesh, self.met))
         return found
 
     def least_gap(self) -> float:
         """Least distance less the offset, m; infinite where nothing is within reach."""
-        gap = min(float(self.planes.gaps(self.nodes, self.shifts).min(initial=np.inf)), self._apart())
+        gap = min(self.gaps.least(), self._apart())
         return gap if gap < self.reach else np.inf
 
     def _apart(self) -> float:
         """Least distance less the offset of all pairs, m; infinite where there are none."""
         if not len(self.set):
             return np.inf
-        return float(np.sqrt(self.set.compute_minimum_distance(self.mesh, self.x))) - self.offset
+        return float(np.sqrt(self.set.compute_minimum_distance(self.mesh, self.met))) - self.offset
 
     def pairs(self) -> Iterator[tuple[Any, np.ndarray]]:
         """What is within reach: each pair, and the numbers of its corners."""
@@ -170,20 +200,25 @@ class Collisions:
         return bool(most[0] + max(most) < 0.9 * gap)
 
     def crossed(self) -> bool:
-        """Whether any triangles cross in the present places, or nodes are behind a plane."""
-        gaps = self.planes.gaps(self.nodes, self.shifts) + self.offset
-        return bool((gaps < 0.0).any() or self.kit.has_intersections(self.mesh, self.x, self.kit.LBVH()))
+        """Whether any triangles cross in the present places, or points of the sheet are in a body."""
+        if self.gaps.crossed():
+            return True
+        return self.kit is not None and bool(self.kit.has_intersections(self.mesh, self.met, self.kit.LBVH()))
 
-    def free_part(self, x0: Array, x1: Array, way: Array) -> float:
-        """The part of the straight way of all corners from x0 to x1, and of the planes along `way`, up to 1.
+    def free_part(self, x0: Array, x1: Array) -> float:
+        """The part of the straight way of all corners from x0 to x1, up to 1.
 
         At its end all distances are still above the offset, if they are at its start: by continuous detection, additive
         since the toolkit's other one may take minutes.
         """
-        part = self.planes.free_part(x0[: self.count], x1[: self.count], self.shifts, way)
+        part = self.gaps.free_part(x0, x1)
+        if self.kit is None:
+            return part
+        here = np.array_equal(x0, self.x)
+        x0, x1 = x0[: self._solid], x1[: self._solid]
         x0, x1 = np.asfortranarray(x0), np.asfortranarray(x0 + part * (x1 - x0))
         moved = x1 - x0
-        if np.array_equal(x0, self.x) and self._cannot_meet(moved):
+        if here and self._cannot_meet(moved):
             return part
         if max(np.linalg.norm(x - self._about, axis=1).max() for x in (x0, x1)) < self._allowed:
             swept = self._near

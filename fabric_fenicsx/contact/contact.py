@@ -9,12 +9,11 @@ from ..laws import Array
 from ..sheet import Sheet
 from ..terms.term import Term
 from .barrier import Barrier
-from .bodies import Body, Plane
-from .coefficients import Coefficients, Directions
+from .bodies import Body
+from .coefficients import Coefficients, Directions, start_of_slip
 from .collisions import Collisions
 from .free_bodies import FreeBodies
 from .friction import Friction, Lagged
-from .planes import start_of_slip
 from .pressure import pressures
 from .skin import Skin
 from .surroundings import Surroundings
@@ -94,12 +93,11 @@ class Contact:
                 f"and one is {edge:.3g} m long: take larger cells, a smaller offset or reach, or itself=False."
             )
         near = Collisions(skin.rest, skin.faces, bodies, itself, self.offset, self.reach, stiffness)
-        solid = [body for body in self.bodies if not isinstance(body, Plane)]
         self.free = None
-        if any(body.mass is not None for body in solid):
-            starts = [start - len(skin.rest) for start in near.starts[:-1]]
-            self.free = FreeBodies(skin, solid, starts, gravity)
-        self._around = around = Surroundings(skin, self.bodies, near, self.free)
+        if any(body.mass is not None for body in self.bodies):
+            starts = [corners.start - len(skin.rest) for corners in near.corners]
+            self.free = FreeBodies(skin, near.bodies, starts, gravity)
+        self._around = around = Surroundings(skin, near, self.free)
         if near.crossed() or near.least_gap() <= 0.0:
             raise InputError(
                 f"The sheet starts across a body or itself, or nearer than the offset of {self.offset:.3g} m; "
@@ -111,8 +109,8 @@ class Contact:
         if most.any():
             differ = np.ptp(kinetic) > 0.0 or np.ptp(most) > 0.0
             coefficients = Coefficients(most, kinetic, Directions(sheet, skin) if differ else None)
-            if lagged and (differ or len(solid) < len(self.bodies)):
-                raise InputError("Lagged friction takes one coefficient, and no plane: take a box for it.")
+            if lagged and differ:
+                raise InputError("Lagged friction takes one coefficient for all directions.")
             self._friction = [(Lagged if lagged else Friction)(around, coefficients, slip, creep)]
         self.terms: list[Term] = [*self._friction, self._barrier, *([self.free] if self.free else [])]
 
@@ -140,10 +138,12 @@ class Contact:
         return self._around.collisions.nodes
 
     def touching(self, body: Body) -> np.ndarray:
-        """Which nodes of the sheet belong to what a body presses on, (n,); of a plane, none."""
+        """Which nodes of the sheet belong to what a body presses on, (n,)."""
         self._around.place()
-        near, found = self._around.collisions, np.zeros(len(self.rest), dtype=bool)
-        part = slice(0, 0) if isinstance(body, Plane) else self._part(body)
+        near, found, part = self._around.collisions, np.zeros(len(self.rest), dtype=bool), self._part(body)
+        for one in near.gaps.near:
+            if one.shape.body is body:
+                found |= one.matrix.T @ np.ones(len(one.points)) > 0.0
         for _, nodes in near.pairs():
             if ((nodes >= part.start) & (nodes < part.stop)).any():
                 found[nodes[nodes < near.count]] = True
@@ -178,14 +178,10 @@ class Contact:
         if self._pressed is None or self._pressed[0] is not near.x:  # the sheet and each body ask for theirs
             self._pressed = near.x, pressures(near)
         every = self._pressed[1]
-        if body is None:
-            return every[: near.count]
-        return np.full(len(body.rest), np.nan) if isinstance(body, Plane) else every[self._part(body)]
+        return every[: near.count] if body is None else every[self._part(body)]
 
     def places(self, body: Body) -> Array:
         """Where the corners of a body are now, (n, 3) in m."""
-        if isinstance(body, Plane):
-            return np.asarray(body.rest + self._around.shifts[self._number(body)])
         self._around.place()
         return self._around.collisions.x[self._part(body)]
 
@@ -201,32 +197,19 @@ class Contact:
                 row |= {f"{name}_{axis}_{unit}": float(value) for axis, value in zip("xyz", values, strict=True)}
         return row
 
-    def _number(self, body: Body) -> int:
-        """Among the planes, or among the others."""
-        kind = isinstance(body, Plane)
-        return [other for other in self.bodies if isinstance(other, Plane) == kind].index(body)
-
     def _part(self, body: Body) -> slice:
         """Its corners among all."""
-        starts, k = self._around.collisions.starts, self._number(body)
-        return slice(starts[k], starts[k + 1])
+        near = self._around.collisions
+        return near.corners[[other is body for other in near.bodies].index(True)]
 
     def _all(self) -> Array:
         return np.asarray(sum((term._forces() for term in self._friction), self._barrier._forces()))
 
     def _on(self, body: Body) -> tuple[Array, Array]:
-        """Corners of a body and the derivative of the work by them; of a plane, nodes of the sheet instead."""
+        """Corners of a body and the derivative of the work by them."""
         self._around.place()
-        near = self._around.collisions
-        if isinstance(body, Plane):
-            k = self._number(body)
-            derivative = near.planes.forces(k, near.nodes, near.shifts[k])
-            for term in self._friction:
-                nodes, force, _ = term.of_plane(k)
-                derivative[nodes] += force
-            return near.nodes, -derivative
         part = self._part(body)
-        return near.x[part], self._all()[part]
+        return self._around.collisions.x[part], self._all()[part]
 
 
 def _apart(names: Sequence[str]) -> list[str]:

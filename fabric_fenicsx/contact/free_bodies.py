@@ -93,7 +93,10 @@ class FreeBodies(Extra):
         turn = scipy.sparse.csr_array((data, (i, j)), shape=(n, 3 * count + self.count))
         i, j = np.indices(bent.shape) + 3 * count
         curved = scipy.sparse.csr_array((bent.ravel(), (i.ravel(), j.ravel())), shape=(turn.shape[1],) * 2)
-        return (sum(turn.T @ (scipy.sparse.csr_array(part) @ turn) for part in parts) + curved).tocoo()
+        kept = [scipy.sparse.csr_array(part) for part in parts]
+        for part in kept:
+            part.resize(n, n)  # bodies in closed form have no entries
+        return (sum(turn.T @ (part @ turn) for part in kept) + curved).tocoo()
 
     # -- a term ----------------------------------------------------------------------------------------------------
 

@@ -10,8 +10,8 @@ import numpy as np
 
 from ..laws import Array
 from .coefficients import Coefficients
+from .gaps import Near
 from .pairs import PairTerm
-from .planes import blocks
 from .surroundings import Surroundings
 
 
@@ -27,16 +27,19 @@ class Friction(PairTerm):
     def __init__(self, around: Surroundings, coefficients: Coefficients, slip: float, creep: float) -> None:
         super().__init__(around)
         self._coefficients, self._slip, self._creep = coefficients, slip, creep
-        kit = around.collisions.kit
-        self._law, self._pairs, self._lost = kit.FrictionPotential(creep), kit.TangentialCollisions(), 0.0
+        self._length, self._lost, self._kit = creep, 0.0, around.collisions.kit
+        if self._kit is not None:
+            self._law, self._pairs = self._kit.FrictionPotential(creep), self._kit.TangentialCollisions()
         self._at: tuple[Array, Array] | None = None
         self._force: Array = np.zeros(around.x0.shape)
 
     def prepare(self, dt: float) -> None:
         """See `Term.prepare`."""
         length = max(self._slip * dt, self._creep)
-        if self._law.eps_v != length:
-            self._law.eps_v, self._at = length, None
+        if self._length != length:
+            self._length, self._at = length, None
+            if self._kit is not None:
+                self._law.eps_v = length
 
     def _forces(self) -> Array:
         near, x0 = self._around.collisions, self._around.x0
@@ -44,20 +47,19 @@ class Friction(PairTerm):
             self._at, force = (near.x, x0), np.zeros(near.x.shape)
             if len(near.set):
                 mu = self._coefficients.static[0], self._coefficients.kinetic[0]
-                self._pairs.build(near.mesh, near.x, near.set, near.barrier, *mu)
+                self._pairs.build(near.mesh, near.met, near.set, near.barrier, *mu)
                 if not self._coefficients.uniform:
                     self._orient()
-                force = -self._law.force(*self._arguments()).reshape(-1, 3)
-            for k in range(len(near.shifts)):
-                nodes, own, _ = self.of_plane(k)
-                force[nodes] += own
+                force[: len(near.met)] = -self._law.force(*self._arguments()).reshape(-1, 3)
+            self._closed = near.gaps.friction(near.x, x0, self._length, self._coefficients)
+            near.gaps.add([push for push, _ in self._closed], force)
             self._force = force
         return self._force
 
     def _orient(self) -> None:
         """Give each pair the coefficients along its way. Their derivative is not in the matrix of pairs."""
         near, pairs = self._around.collisions, [self._pairs[k] for k in range(len(self._pairs))]
-        slid, x, places = near.x - self._around.x0, near.nodes, (near.edges, near.faces)
+        slid, x, places = near.met - self._around.x0[: len(near.met)], near.nodes, (near.edges, near.faces)
         nodes = np.array([pair.vertex_ids(*places) for pair in pairs]).reshape(-1, 4)
         slid = np.asfortranarray(slid)
         ways = np.array([pair.relative_velocity(pair.dof(slid, *places)) for pair in pairs]).reshape(-1, 3)
@@ -65,7 +67,7 @@ class Friction(PairTerm):
         ways = np.einsum("pik,pjk,pj->pi", bases, bases, ways)
         weights = np.zeros(nodes.shape)
         for k, pair in enumerate(pairs):
-            weights[k, : pair.num_vertices()] = np.abs(pair.compute_coefficients(pair.dof(near.x, *places)))
+            weights[k, : pair.num_vertices()] = np.abs(pair.compute_coefficients(pair.dof(near.met, *places)))
         weights[(nodes < 0) | (nodes >= near.count)] = 0.0
         every = np.where((nodes < 0) | (nodes >= near.count), 0, nodes).ravel()
         mu, _ = self._coefficients.along(every, np.repeat(ways, 4, axis=0), x)
@@ -74,24 +76,19 @@ class Friction(PairTerm):
             pair.mu_s_effective_lagged, pair.mu_k_effective_lagged = static, kinetic
 
     def _arguments(self) -> tuple[Any, ...]:
-        near, x0 = self._around.collisions, self._around.x0
-        still = np.zeros(near.x.shape, order="F")
-        return self._pairs, near.mesh, near.x, still, np.asfortranarray(near.x - x0), near.barrier, near.offset
-
-    def of_plane(self, k: int) -> tuple[np.ndarray, Array, Array]:
-        """See `Planes.friction`."""
-        around, near = self._around, self._around.collisions
-        law, shifts = (self._law.eps_v, self._coefficients), (around.shifts[k], around.shifts0[k])
-        return near.planes.friction(k, near.nodes, around.x0[: near.count], shifts, *law)
+        near = self._around.collisions
+        x, x0 = near.met, self._around.x0[: len(near.met)]
+        still = np.zeros(x.shape, order="F")
+        return self._pairs, near.mesh, x, still, np.asfortranarray(x - x0), near.barrier, near.offset
 
     def _matrices(self) -> list[Any]:
         self._forces()
-        near, found = self._around.collisions, []
-        if len(near.shifts):
-            found.append(blocks([self.of_plane(k)[::2] for k in range(len(near.shifts))], near.x.size))
+        near = self._around.collisions
+        every = zip(near.gaps.near, self._closed, strict=True)
+        found = [one.blocks(change, near.x.size) for one, (_, change) in every if len(change)]
         if len(near.set):
             *first, offset = self._arguments()
-            by = near.kit.FrictionPotential.DiffWRT
+            by = type(self._law).DiffWRT
             for wrt in (by.VELOCITIES, by.LAGGED_DISPLACEMENTS):
                 found.append(-self._law.force_jacobian(*first, wrt, offset))
         return found
@@ -104,16 +101,7 @@ class Friction(PairTerm):
         around = self._around
         if not self._first:
             return 0.0
-        loss = float(np.sum(self._forces() * (around.collisions.x - around.x0)))
-        return loss - float(np.sum(self._on_planes() * (around.shifts - around.shifts0)))
-
-    def _on_planes(self) -> Array:
-        return np.array([self.of_plane(k)[1].sum(axis=0) for k in range(len(self._around.shifts))]).reshape(-1, 3)
-
-    def _step_work(self) -> float:
-        around = self._around
-        led = float(np.sum(self._on_planes() * (around.shifts - around.shifts0))) if self._first else 0.0
-        return super()._step_work() - led
+        return float(np.sum(self._forces() * (around.collisions.x - around.x0)))
 
     def dissipated(self) -> float:
         """See `Term.dissipated`."""
@@ -134,33 +122,50 @@ class Lagged(Friction):
     """Friction at the normal force of the start of a step, along the surfaces of then: it has a potential.
 
     So statics can go downhill. It is of first order in the step, and what comes to touch slides freely until the next.
-    There is none of planes, and one coefficient for all directions.
+    There is one coefficient for all directions.
     """
 
     symmetric = True
     _since: Array | None = None
+    _start: list[Near]
 
     def _slid(self) -> Array:
-        """How far all corners have gone; `_pairs` is then that of the start."""
+        """How far all corners have gone that the toolkit sees; `_pairs` and `_start` are then those of the start."""
         near, x0 = self._around.collisions, self._around.x0
         if self._since is not x0:
-            self._since, start = x0, np.asfortranarray(x0)
-            mu = self._coefficients.static[0], self._coefficients.kinetic[0]
-            self._pairs.build(near.mesh, start, near.at(start), near.barrier, *mu)
-        return np.asfortranarray(near.x - x0)
+            self._since, self._start = x0, near.gaps.look(x0)
+            if self._kit is not None:
+                start, mu = np.asfortranarray(x0[: len(near.met)]), self._coefficients
+                found = near.at(start)
+                self._pairs.build(near.mesh, start, found, near.barrier, mu.static[0], mu.kinetic[0])
+        return np.asfortranarray(near.met - x0[: len(near.met)]) if self._kit is not None else near.met[:0]
+
+    def _in_closed_form(self) -> list[tuple[float, Array, Array]]:
+        near = self._around.collisions
+        return near.gaps.lagged(self._start, near.x, self._around.x0, self._length, self._coefficients.kinetic[0])
 
     def _forces(self) -> Array:
-        slid = self._slid()
-        if not len(self._pairs):
-            return np.zeros(slid.shape)
-        return np.asarray(self._law.gradient(self._pairs, self._around.collisions.mesh, slid).reshape(-1, 3))
+        slid, near = self._slid(), self._around.collisions
+        total = np.zeros(near.x.shape)
+        if len(slid) and len(self._pairs):
+            total[: len(slid)] = self._law.gradient(self._pairs, near.mesh, slid).reshape(-1, 3)
+        near.gaps.add([force for _, force, _ in self._in_closed_form()], total, self._start)
+        return total
 
     def _matrices(self) -> list[Any]:
-        slid = self._slid()
-        return [self._law.hessian(self._pairs, self._around.collisions.mesh, slid)] if len(self._pairs) else []
+        slid, near = self._slid(), self._around.collisions
+        every = zip(self._start, self._in_closed_form(), strict=True)
+        found = [one.blocks(change, near.x.size) for one, (_, _, change) in every if len(change)]
+        if len(slid) and len(self._pairs):
+            found.append(self._law.hessian(self._pairs, near.mesh, slid))
+        return found
 
     def potential(self) -> float:
         """See `Term.potential`."""
-        slid = self._slid()
-        mine = self._first and len(self._pairs)
-        return float(self._law(self._pairs, self._around.collisions.mesh, slid)) if mine else 0.0
+        slid, near = self._slid(), self._around.collisions
+        if not self._first:
+            return 0.0
+        stored = sum(part for part, _, _ in self._in_closed_form())
+        if len(slid) and len(self._pairs):
+            stored += float(self._law(self._pairs, near.mesh, slid))
+        return stored

@@ -11,28 +11,32 @@ def pressures(near: Collisions) -> Array:
 
     It is the size of the forces on a corner, of all pairs, over the area that belongs to it now. What presses from both
     sides, as in a stack, counts once: by the side that is pressed harder. That of a body with triangles much larger
-    than what touches them is a mean over these triangles; planes have none.
+    than what touches them is a mean over these triangles; of one in closed form, that of the nearest point of the
+    sheet. Planes have none.
     """
-    x, faces = near.x, near.faces
+    x, faces = near.met, near.surface
     across = np.cross(x[faces[:, 1]] - x[faces[:, 0]], x[faces[:, 2]] - x[faces[:, 0]])
     normals = np.zeros_like(x)
     np.add.at(normals, faces, across[:, None])
     area = np.bincount(faces.ravel(), np.repeat(np.linalg.norm(across, axis=1) / 6, 3), minlength=len(x))
     sides = np.zeros((2, len(x)))
-    for nodes, force in [*_of_pairs(near), *_of_planes(near)]:
+    for nodes, force in [*_of_pairs(near), *_of_gaps(near)]:
         side = (np.einsum("ij,ij->i", force, normals[nodes]) > 0.0).astype(int)
         np.add.at(sides, (side, nodes), np.linalg.norm(force, axis=1))
-    return np.asarray(sides.max(axis=0) / area)
+    bodies = near.corners[len(near.corners) - near.shaped :]
+    return np.concatenate(
+        [sides.max(axis=0) / area, *(near.gaps.pressure(k, near.x[part]) for k, part in enumerate(bodies))]
+    )
 
 
 def _of_pairs(near: Collisions) -> list[tuple[np.ndarray, Array]]:
     found = []
     for pair, nodes in near.pairs():
-        push = near.barrier.gradient(pair, pair.dof(near.x, near.edges, near.faces))
+        push = near.barrier.gradient(pair, pair.dof(near.met, near.edges, near.faces))
         found.append((nodes, push.reshape(-1, 3)))
     return found
 
 
-def _of_planes(near: Collisions) -> list[tuple[np.ndarray, Array]]:
-    every = np.arange(near.count)
-    return [(every, near.planes.forces(k, near.nodes, shift)) for k, shift in enumerate(near.shifts)]
+def _of_gaps(near: Collisions) -> list[tuple[np.ndarray, Array]]:
+    every = zip(near.gaps.near, near.gaps.forces(), strict=True)
+    return [(np.arange(near.count), one.matrix.T @ force) for one, force in every if len(force)]

@@ -6,7 +6,6 @@ from contextlib import contextmanager
 import numpy as np
 
 from ..laws import Array
-from .bodies import Body, Plane
 from .collisions import Collisions
 from .free_bodies import FreeBodies
 from .skin import Skin
@@ -15,28 +14,24 @@ from .skin import Skin
 class Surroundings:
     """Sheet and bodies in their places, of the present and of the last commit.
 
-    Public: `skin`, `bodies`, `collisions`, `free`; `x0`, all places at the last commit (n, 3), and `shifts0`
-    of the planes.
+    Public: `skin`, `collisions`, `free`; `x0`, all places at the last commit (n, 3).
     """
 
-    def __init__(self, skin: Skin, bodies: list[Body], collisions: Collisions, free: FreeBodies | None) -> None:
-        self.skin, self.bodies, self.collisions, self.free = skin, bodies, collisions, free
-        self.led, self.shifts = self._targets()
+    def __init__(self, skin: Skin, collisions: Collisions, free: FreeBodies | None) -> None:
+        self.skin, self.collisions, self.free = skin, collisions, free
+        self.led = self._targets()
         self.driven = np.ones(len(self.led), dtype=bool)
         """Corners of bodies that are led, or stay."""
         for body in free.bodies if free else []:
             self.driven[body.corners] = False
         self.place()
-        self.x0, self.shifts0 = collisions.x.copy(), self.shifts.copy()
-        self._before = self.x0, self.shifts0
+        self.x0 = self._before = collisions.x.copy()
 
-    def _targets(self) -> tuple[Array, Array]:
-        corners = [body.target for body in self.bodies if not isinstance(body, Plane)]
-        shifts = [body.target[0] - body.rest[0] for body in self.bodies if isinstance(body, Plane)]
-        every = np.concatenate([np.empty((0, 3)), *corners])
+    def _targets(self) -> Array:
+        every = np.concatenate([np.empty((0, 3)), *(body.target for body in self.collisions.bodies)])
         if self.free:
             self.free.put(every)
-        return every, np.array(shifts).reshape(-1, 3)
+        return every
 
     def _places(self) -> Array:
         if self.free:
@@ -45,7 +40,7 @@ class Surroundings:
 
     def place(self) -> bool:
         """Put the sheet where its unknowns are; False if that is nowhere."""
-        return self.collisions.place(self._places(), self.shifts)
+        return self.collisions.place(self._places())
 
     def free_part(self, change: Array) -> float:
         """The part that is free of a change of q, a local array, and of free bodies."""
@@ -57,49 +52,44 @@ class Surroundings:
             self.free.after(x1[count:])
         if not np.isfinite(x1).all():
             return 1.0
-        return min(part, self.collisions.free_part(x0, x1, np.zeros_like(self.shifts)))
+        return min(part, self.collisions.free_part(x0, x1))
 
     def lead(self) -> bool:
         """Move the bodies towards their targets, as far as the sheet lets them; whether they are there."""
-        led, shifts = self._targets()
+        led = self._targets()
         if self.free:
             self.free.put(self.led)
-        if np.array_equal(led, self.led) and np.array_equal(shifts, self.shifts):
+        if np.array_equal(led, self.led):
             return True
         x0 = self._places()
         x1 = np.concatenate([x0[: self.collisions.count], led])
-        part = self.collisions.free_part(x0, x1, shifts - self.shifts)
-        if part == 1.0:
-            self.led, self.shifts = led, shifts
-        else:
-            self.led = self.led + part * (led - self.led)
-            self.shifts = self.shifts + part * (shifts - self.shifts)
+        part = self.collisions.free_part(x0, x1)
+        self.led = led if part == 1.0 else self.led + part * (led - self.led)
         return part == 1.0
 
     def commit(self) -> None:
         """The step to the present places has happened."""
-        self._before = self.x0, self.shifts0
-        self.x0, self.shifts0 = self.collisions.x.copy(), self.shifts.copy()
+        self._before, self.x0 = self.x0, self.collisions.x.copy()
 
     @contextmanager
     def looking_back(self) -> Iterator[None]:
         """After a commit, take the step to it for the present one, for what depends on the way."""
-        now = self.x0, self.shifts0
-        if np.array_equal(self.collisions.x, self.x0) and np.array_equal(self.shifts, self.shifts0):
-            self.x0, self.shifts0 = self._before
+        now = self.x0
+        if np.array_equal(self.collisions.x, self.x0):
+            self.x0 = self._before
         try:
             yield
         finally:
-            self.x0, self.shifts0 = now
+            self.x0 = now
 
     def restore(self) -> None:
         """Back to the last commit."""
         if self.free:
             self.free.restore()
-        self.led, self.shifts = self.x0[self.collisions.count :].copy(), self.shifts0.copy()
+        self.led = self.x0[self.collisions.count :].copy()
 
     def renew(self) -> None:
         """Places have been set from outside; bodies are where they are led to."""
-        self.led, self.shifts = self._targets()
+        self.led = self._targets()
         self.place()
         self.commit()

@@ -1,0 +1,282 @@
+"""Contact of the points of a sheet with bodies in closed form; see `shapes`.
+
+A point with the area A is pressed by A p(g), g being its distance less the offset, with the barrier of Li et al. (2020)
+over the reach r, y = g/r:
+
+    p = k B(y),    B = -b'(y)/1.193..., which is 1 at y = 1/2,    b = -(y - 1)^2 ln y.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import scipy.sparse
+from scipy.spatial import cKDTree
+
+from ..laws import Array
+from .bodies import Body, Plane
+from .coefficients import Coefficients, coulomb
+from .points import Grid
+from .shapes import Pose, Shape
+
+HALF = np.log(2.0) + 0.5
+
+
+@dataclass
+class Near:
+    """What a body presses on, (k,) points of a grid: see `Gaps`."""
+
+    shape: Shape
+    pose: Pose
+    grid: Grid
+    points: np.ndarray
+    x: Array
+    gaps: Array
+    normals: Array
+    reach: float
+    stiffness: float
+
+    @property
+    def _scale(self) -> Array:
+        return np.asarray(self.stiffness * self.grid.areas[self.points] / HALF)
+
+    @cached_property
+    def matrix(self) -> scipy.sparse.csr_array:
+        """Shares of nodes in these points."""
+        return self.grid.matrix[self.points]
+
+    @cached_property
+    def curvature(self) -> Array:
+        """Second derivatives of the gaps (k, 3, 3)."""
+        return np.asarray(self.shape.distances(self.x, self.pose, True)[2])
+
+    def energy(self) -> float:
+        """J."""
+        y = self.gaps / self.reach
+        with np.errstate(invalid="ignore", divide="ignore"):
+            return float(np.sum(-self._scale * self.reach * (y - 1.0) ** 2 * np.log(y)))
+
+    @cached_property
+    def force(self) -> Array:
+        """Of each point, N, and none below zero."""
+        y = self.gaps / self.reach
+        with np.errstate(invalid="ignore", divide="ignore"):
+            return np.asarray(self._scale * (2 * (y - 1.0) * np.log(y) + (y - 1.0) ** 2 / y))
+
+    @cached_property
+    def slope(self) -> Array:
+        """Its derivative by the gap, N/m."""
+        y = self.gaps / self.reach
+        with np.errstate(invalid="ignore", divide="ignore"):
+            return np.asarray(self._scale / self.reach * (2 * np.log(y) + 4 * (y - 1.0) / y - (1.0 - 1.0 / y) ** 2))
+
+    def hessian(self) -> Array:
+        """Of the energy by each point (k, 3, 3), N/m."""
+        n = self.normals
+        along = -self.slope[:, None, None] * n[:, :, None] * n[:, None, :]
+        return np.asarray(along - self.force[:, None, None] * self.curvature)
+
+    def blocks(self, values: Array, size: int) -> scipy.sparse.coo_array:
+        """Derivatives (k, 3, 3) of forces by points, as those by nodes, of all corners (size, size)."""
+        nodes, shares = self.grid.nodes[self.points], self.grid.shares[self.points]
+        p, i, j = np.nonzero(shares[:, :, None] * shares[:, None, :])
+        entries = (shares[p, i] * shares[p, j])[:, None, None] * values[p]
+        axis = np.arange(3)
+        rows = np.broadcast_to(3 * nodes[p, i][:, None, None] + axis[:, None], entries.shape)
+        columns = np.broadcast_to(3 * nodes[p, j][:, None, None] + axis, entries.shape)
+        return scipy.sparse.coo_array((entries.ravel(), (rows.ravel(), columns.ravel())), shape=(size, size))
+
+    def friction(
+        self, x0: Array, way: Array, length: float, coefficients: Coefficients, x: Array
+    ) -> tuple[Array, Array]:
+        """On points (k, 3), as of a residual, and their derivatives (k, 3, 3).
+
+        x0: the nodes at the last commit; way: of the body's corners since then; length: see `coulomb`; x: the nodes.
+        """
+        n, force = self.normals, self.force
+        went, by_x = self.shape.carried(self.x, self.pose, way)
+        slid = self.x - self.matrix @ x0 - went
+        off = np.einsum("ki,ki->k", slid, n)
+        flat = np.eye(3) - n[:, :, None] * n[:, None, :]
+        turns = (
+            off[:, None, None] * self.curvature + n[:, :, None] * np.einsum("ki,kij->kj", slid, self.curvature)[:, None]
+        )
+        slid = slid - off[:, None] * n
+        by_place = flat @ (np.eye(3) - by_x) - turns
+        size, main = np.linalg.norm(slid, axis=1), self.grid.nodes[self.points, 0]
+        mu, rise = coefficients.along(main, slid, x)
+        h, bend = coulomb(size, length, *mu)
+        change = (self.slope * h)[:, None, None] * slid[:, :, None] * n[:, None, :]
+        along = np.einsum("ki,kij->kj", slid, by_place)
+        change += force[:, None, None] * (
+            h[:, None, None] * by_place + (bend[:, None] * slid)[:, :, None] * along[:, None]
+        )
+        if not coefficients.uniform:
+            each = np.stack([coulomb(size, length, 1.0, 0.0)[0], coulomb(size, length, 0.0, 1.0)[0]])
+            turned = np.einsum("sk,skc,kcd->kd", force * each, rise, flat)
+            change += slid[:, :, None] * turned[:, None, :]
+        return (force * h)[:, None] * slid, change
+
+    def lagged(self, x: Array, way: Array, length: float, mu: float) -> tuple[float, Array, Array]:
+        """Friction at the present pressure along the present surface, once nodes are at x and corners went their way.
+
+        Its potential (J), forces on points (k, 3), and their derivatives (k, 3, 3).
+        """
+        flat = np.eye(3) - self.normals[:, :, None] * self.normals[:, None, :]
+        slid = np.einsum("kij,kj->ki", flat, self.matrix @ x - self.x - self.shape.carried(self.x, self.pose, way)[0])
+        size = np.linalg.norm(slid, axis=1)
+        h, bend = coulomb(size, length, mu, mu)
+        y = size / length
+        stored = mu * length * np.where(y < 1.0, y**2 - y**3 / 3, y - 1 / 3)
+        change = h[:, None, None] * flat + bend[:, None, None] * slid[:, :, None] * slid[:, None, :]
+        force = self.force
+        return float(force @ stored), (force * h)[:, None] * slid, force[:, None, None] * change
+
+
+class Gaps:
+    """Between the points of a sheet and some bodies, whose corners are parts of all places x.
+
+    Public: `near`, for each body, what it presses on where `place` has put all.
+
+    Args:
+        bodies, corners: and their part of x; counts: see `parts`.
+        rest, faces: of the sheet.
+        offset, reach: m; stiffness: Pa.
+    """
+
+    def __init__(
+        self, bodies: Sequence[Body], corners: Sequence[slice], counts: Sequence[int], rest: Array, faces: np.ndarray,
+        offset: float, reach: float, stiffness: float,
+    ) -> None:  # fmt: skip
+        self._shapes, self._corners, self._count = [Shape(body) for body in bodies], list(corners), len(rest)
+        grids = {n: Grid(rest, faces, n) for n in set(counts)}
+        self._grids = [grids[n] for n in counts]
+        self._offset, self._reach, self._stiffness = offset, reach, stiffness
+        self._about: list[tuple[Array, Array, np.ndarray, scipy.sparse.csr_array] | None] = [None] * len(counts)
+        self.near: list[Near] = []
+
+    def _candidates(self, k: int, x: Array, pose: Pose) -> tuple[np.ndarray, Array]:
+        """Points that may be within reach, and their places."""
+        grid, nodes = self._grids[k], x[: self._count]
+        if len(grid.areas) == self._count:
+            return np.arange(len(grid.areas)), nodes
+        about, slack = self._about[k], 0.25 * grid.edge
+        if about is None or _most(nodes - about[0]) + _most(x[self._corners[k]] - about[1]) > slack:
+            gaps = self._shapes[k].distances(nodes, pose)[0] - self._offset
+            near = gaps < self._reach + slack + 1.2 * grid.edge
+            points = np.flatnonzero(near[grid.nodes[:, 0]])
+            about = self._about[k] = nodes, x[self._corners[k]], points, grid.matrix[points]
+        return about[2], about[3] @ nodes
+
+    def place(self, x: Array) -> None:
+        """Take all places x for the present ones."""
+        self.near = self.look(x)
+
+    def look(self, x: Array) -> list[Near]:
+        """For each body, what it presses on at all places x."""
+        every = []
+        for k, (shape, corners) in enumerate(zip(self._shapes, self._corners, strict=True)):
+            pose = shape.pose(x[corners])
+            points, places = self._candidates(k, x, pose)
+            size, normals, _ = shape.distances(places, pose)
+            gaps = size - self._offset
+            near = np.flatnonzero(gaps < self._reach)
+            found = points[near], places[near], gaps[near], normals[near]
+            every.append(Near(shape, pose, self._grids[k], *found, self._reach, self._stiffness))
+        return every
+
+    def least(self) -> float:
+        """Least gap, m; infinite where nothing is within reach."""
+        return float(min((near.gaps.min(initial=np.inf) for near in self.near), default=np.inf))
+
+    def energy(self) -> float:
+        """J."""
+        return float(sum(near.energy() for near in self.near))
+
+    def add(self, forces: Sequence[Array], total: Array, at: Sequence[Near] | None = None) -> None:
+        """Add forces on the points of each body (k, 3), now or `at` another time, to those of all corners."""
+        for near, corners, force in zip(self.near if at is None else at, self._corners, forces, strict=True):
+            if len(force):
+                total[: self._count] += near.matrix.T @ force
+                total[corners] -= near.shape.spread(near.x, force, near.pose)
+
+    def forces(self) -> list[Array]:
+        """Derivative of the energy by the points of each body, N."""
+        return [-near.force[:, None] * near.normals for near in self.near]
+
+    def friction(self, x: Array, x0: Array, length: float, coefficients: Coefficients) -> list[tuple[Array, Array]]:
+        """Of each body, see `Near.friction`; x, x0: all places now and at the last commit."""
+        n = self._count
+        return [
+            near.friction(x0[:n], x[part] - x0[part], length, coefficients, x[:n])
+            for near, part in zip(self.near, self._corners, strict=True)
+        ]
+
+    def lagged(
+        self, start: Sequence[Near], x: Array, x0: Array, length: float, mu: float
+    ) -> list[tuple[float, Array, Array]]:
+        """Of each body, see `Near.lagged`; start: what was near at x0."""
+        n, every = self._count, zip(start, self._corners, strict=True)
+        return [near.lagged(x[:n], x[part] - x0[part], length, mu) for near, part in every]
+
+    def free_part(self, x0: Array, x1: Array) -> float:
+        """The part of the straight way from x0 to x1, up to 1, at whose end no gap is less than a tenth of its start.
+
+        A distance from what is convex is a convex function along a straight way: Newton's method comes from below.
+        """
+        part = 1.0
+        for k, (shape, corners) in enumerate(zip(self._shapes, self._corners, strict=True)):
+            a, b = x0[: self._count], x1[: self._count]
+            poses, grid = (shape.pose(x0[corners]), shape.pose(x1[corners])), self._grids[k]
+            moved = _most(b - a) + _most(x1[corners] - x0[corners])
+            gaps = shape.distances(a, poses[0])[0] - self._offset
+            close = gaps < moved + (1.2 * grid.edge if len(grid.areas) > len(a) else 0.0)
+            if not close.any():
+                continue
+            rows = np.flatnonzero(close[grid.nodes[:, 0]])
+            matrix = grid.matrix[rows]
+            y0, y1 = (shape.own(matrix @ x, pose) for x, pose in zip((a, b), poses, strict=True))
+            part = min(part, _free(shape, y0, y1 - y0, self._offset))
+            turn = float(np.linalg.norm(poses[1][2] - poses[0][2]))
+            if turn > 1e-12:  # ways are not straight in the frame of what turns
+                gap, size = gaps[close].min(), float(np.linalg.norm(y0, axis=1).max())
+                part = min(part, 0.5 * np.sqrt(max(gap, 0.0) / size) / turn)
+        return float(part)
+
+    def crossed(self) -> bool:
+        """Whether any point is in a body."""
+        return any(bool((near.gaps <= -self._offset).any()) for near in self.near)
+
+    def pressure(self, k: int, corners: Array) -> Array:
+        """Of a body at its corners (n, 3), that of the nearest point of the sheet, Pa."""
+        near, found = self.near[k], np.zeros(len(corners))
+        if isinstance(near.shape.body, Plane):
+            return np.full(len(corners), np.nan)
+        if len(near.points):
+            far, which = cKDTree(near.x).query(
+                corners, distance_upper_bound=near.grid.apart + self._reach + self._offset
+            )
+            here = np.isfinite(far)
+            found[here] = (near.force / near.grid.areas[near.points])[which[here]]
+        return found
+
+
+def _most(way: Array) -> float:
+    return float(np.sqrt(np.einsum("ki,ki->k", way, way).max(initial=0.0)))
+
+
+def _free(shape: Shape, y: Array, way: Array, offset: float) -> float:
+    """See `Gaps.free_part`, in the frame of a body."""
+    at, left = np.zeros(len(y)), np.arange(len(y))
+    start = shape.away(y)[0][:, 3] - offset
+    for _ in range(30):
+        away, _ = shape.away(y[left] + at[left, None] * way[left])
+        gap, rate = away[:, 3] - offset - 0.1 * start[left], np.einsum("ki,ki->k", away[:, :3], way[left])
+        closing = (rate < 0.0) & (gap > 1e-3 * start[left])
+        step = np.where(closing, gap / np.where(closing, -rate, 1.0), np.where(rate < 0.0, 0.0, np.inf))
+        at[left] = np.minimum(at[left] + step, 1.0)
+        left = left[closing & (at[left] < 1.0)]
+        if not len(left):
+            break
+    return float(at.min(initial=1.0))
