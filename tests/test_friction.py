@@ -145,7 +145,7 @@ def test_lagged_friction_is_the_slope_of_its_potential(triangles):
     assert np.sum(f * way) * 2e-8 == pytest.approx(high - low, rel=1e-4) and high > 0.0
     if not triangles:  # those have entries between nodes of the sheet
         way[near.count :], sheet = 0.0, slice(0, 3 * near.count)
-        (_, f0), (_, f1), _ = at(1 - 1e-4), at(1 + 1e-4), at(1.0)
+        (_, f0), (_, f1), (_, f) = at(1 - 1e-4), at(1 + 1e-4), at(1.0)
     expected = (sum(term._matrices()) @ way.ravel())[sheet]
     assert (f1 - f0).ravel()[sheet] / 2e-8 == pytest.approx(expected, abs=1e-4 * np.abs(expected).max())
     assert term.symmetric and term.dissipated() == pytest.approx(1e-4 * np.sum(f * way))
