@@ -190,7 +190,7 @@ def test_damping_bears_nothing_of_a_sheet_at_rest(rho, a, dt):
     touch = Contact(cloth, [bodies.Plane(point=(0, 0, -H - 1e-3))], itself=False, reach=2e-3, stiffness=M * G)
     weight = cloth.weight(M, ufl.as_vector((0.0, 0.0, -G)))
     drag = fem.Constant(cloth.domain.mesh, -0.5 * a * M) * ufl.inner(cloth.velocity, cloth.v) * cloth.dx
-    run, ledger = cloth.newmark(M, [], [weight, drag, *touch.terms], rho, damping=0.5 * a, rtol=1e-9)
+    run, ledger = cloth.newmark(M, [], [weight, drag, *touch.terms], rho=rho, damping=0.5 * a, rtol=1e-9)
     found = [touch.force(touch.bodies[0])[2] for _ in run.march(40 * dt, dt)]
     assert found[-1] == pytest.approx(-M * SIDE**2 * G, rel=1e-6)
     assert abs(ledger.totals["imbalance"]) < 1e-3 * ledger.most
