@@ -31,6 +31,7 @@ Rooms, in the order in which a scene goes through them, and their names; each ro
 - `terms.hook`: a law as an operand of UFL forms: `LawHook`
 - `terms.term`: what a residual is a sum of: `Term`; `terms.form`: a UFL form as one: `FormTerm`, `from_energy`
 - `terms.work`: a shell's work without a form: `InternalWork`; `terms.points`: a law at points: `LawPoints`
+- `terms.stitches`: a seam that can open and tear: `Stitches`
 - `solvers.statics`: equilibrium: `StaticSolver`, `march`; `solvers.marching`: kept by checkpoints: `March`
 - `solvers.pivots`: factors that are positive definite; `solvers.foreseen`: strains as unknowns of their own
 - `solvers.descent`: statics downhill to a stable state: `StableSolver`
@@ -104,8 +105,9 @@ short, each ends in an exact check, and are meant to be copied and changed.
   none; a motion goes through them.
 - **Transverse shear** of cloth is not measured; the sheet takes the first shear modulus of its plane for it.
 - **Branches.** A mesh that is read has none. Where three panels are sewn together their directors turn as one; the
-  first cells at a fold are too soft in bending, by an error that goes with their size. A seam is a shared edge: panels
-  that open apart are not known.
+  first cells at a fold are too soft in bending, by an error that goes with their size. A seam is a shared edge, or
+  stitches (`terms.stitches`) that let two panels open, fold without a moment and tear between two steps; with contact
+  of the sheet with itself, the two edges must start apart.
 - **Size.** A direct solver takes 7.1 GB for 340 x 340 cells; others (`solvers.linear`) suit motion and sheets
   in tension.
 """

@@ -33,7 +33,13 @@ FLOORS = [
         ]
     },
     {"shell": [{"rotation", "dirichlet", "bodies"}, {"kinematics"}, {"directors"}, {"assumed_strain"}]},
-    {"terms": [{"supports", "term", "points", "weakform", "kernels"}, {"hook", "extra", "pairing"}, {"work", "form"}]},
+    {
+        "terms": [
+            {"supports", "term", "points", "weakform", "kernels"},
+            {"hook", "extra", "pairing", "stitches"},
+            {"work", "form"},
+        ]
+    },
     {
         "solvers": [
             {"held", "redundant"},

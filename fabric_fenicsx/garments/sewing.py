@@ -39,15 +39,18 @@ class Seam:
         lean: by which angle (rad) the director of the seam leans out over each edge from the panel's face, at rest. By
             default it does not: the cloth goes on flat. Half the angle of a fold, away from the faces, for both. The
             sheets are tied to each other: their directors there are one, and turn together.
+        joined: whether nodes of the edges are one. If not, tie them by `terms.stitches.Stitches`, which can open.
     """
 
     edges: tuple[End, ...]
     name: str
     lean: tuple[float, ...]
+    joined: bool
 
-    def __init__(self, *edges: End, name: str = "", lean: Sequence[float] = ()) -> None:
+    def __init__(self, *edges: End, name: str = "", lean: Sequence[float] = (), joined: bool = True) -> None:
         object.__setattr__(self, "edges", tuple((str(panel), str(edge)) for panel, edge in edges))
         object.__setattr__(self, "name", name)
+        object.__setattr__(self, "joined", joined)
         object.__setattr__(self, "lean", tuple(map(float, lean)) or (0.0,) * len(edges))
         if len(self.edges) < 2 or len(set(self.edges)) < len(self.edges):
             raise InputError(f"A seam joins two edges, and not {', '.join('.'.join(e) for e in self.edges) or 'none'}.")
@@ -162,7 +165,8 @@ def _made(
         owner.append(np.full(len(own), len(flat) - 1))
         edges |= {(panel.name, name): nodes + first for name, nodes in zip(panel.outline, on, strict=True)}
         first += len(points)
-    pairs = [(int(i), int(j)) for seam in seams for other in seam.edges[1:] for i, j in
+    joined = [seam for seam in seams if seam.joined]
+    pairs = [(int(i), int(j)) for seam in joined for other in seam.edges[1:] for i, j in
              zip(edges[seam.edges[0]], edges[other][::-1], strict=True)]  # fmt: skip
     weld, table, panel_of = _together(first, pairs), np.concatenate(cells), np.concatenate(owner)
     rest = np.pad(np.concatenate(flat)[table], ((0, 0), (0, 0), (0, 1)))
@@ -179,7 +183,7 @@ def _made(
         if seam.name:
             nodes = edges[seam.edges[0]]
             raw.add(seam.name, 1, weld[np.stack([nodes[:-1], nodes[1:]], axis=1)])
-    several = [edges[seam.edges[0]] for seam in seams if len(seam.edges) > 2]
+    several = [edges[seam.edges[0]] for seam in joined if len(seam.edges) > 2]
     raw.joints = np.concatenate([raw.joints, *(weld[np.stack([n[:-1], n[1:]], axis=1)] for n in several)])
     return raw, rest, _directors(np.concatenate(flat), table, edges, seams)
 
