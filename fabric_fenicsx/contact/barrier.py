@@ -2,6 +2,8 @@
 
 from typing import Any
 
+import numpy as np
+
 from ..laws import Array
 from .pairs import PairTerm
 
@@ -29,6 +31,10 @@ class Barrier(PairTerm):
         there = self._around.lead()
         self.evaluate()
         return there
+
+    def carry(self, held: np.ndarray) -> Array | None:
+        """See `Term.carry`."""
+        return self._around.carry(held)
 
     def energy(self) -> float:
         """See `Term.energy`."""

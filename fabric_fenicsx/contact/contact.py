@@ -47,6 +47,8 @@ class Contact:
         slip: m/s, creep: m, see `friction`.
         lagged: whether friction is that of the normal force at the start of a step, see `friction.Lagged`; statics
             needs it to go downhill.
+        carried: whether a sheet at rest is taken along with what leads it before its balance is looked for, as a
+            garment is by its wearer: each node with the corner of a body that is nearest to it.
         gravity: acceleration of free bodies by their weight, m/s2.
     """
 
@@ -64,6 +66,7 @@ class Contact:
         slip: float = 1e-3,
         creep: float = 2e-5,
         lagged: bool = False,
+        carried: bool = False,
         gravity: Sequence[float] = (0.0, 0.0, 0.0),
     ) -> None:
         self.bodies, skin = list(bodies), Skin(sheet)
@@ -98,6 +101,7 @@ class Contact:
             starts = [corners.start - len(skin.rest) for corners in near.corners]
             self.free = FreeBodies(skin, near.bodies, starts, gravity)
         self._around = around = Surroundings(skin, near, self.free)
+        around.carries = carried
         if near.crossed() or near.least_gap() <= 0.0:
             raise InputError(
                 f"The sheet starts across a body or itself, or nearer than the offset of {self.offset:.3g} m; "

@@ -59,6 +59,12 @@ class Skin:
         """What a local array of the space of q holds at the nodes, (n, 3); to be called on every rank."""
         return self._gathered(values[self.local])
 
+    def change(self, moved: Array) -> Array:
+        """The local array of the space of q that has these values (n, 3) at this rank's own nodes, and 0 else."""
+        values = np.zeros_like(self._q.x.array)
+        values[self.local] = moved[self.mine]
+        return values
+
     def places(self) -> Array:
         """Where the nodes are now, m."""
         return self.rest + self.moved(self._q.x.array)

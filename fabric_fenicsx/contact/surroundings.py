@@ -4,6 +4,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from ..laws import Array
 from .collisions import Collisions
@@ -20,6 +21,8 @@ class Surroundings:
     def __init__(self, skin: Skin, collisions: Collisions, free: FreeBodies | None) -> None:
         self.skin, self.collisions, self.free = skin, collisions, free
         self.led = self._targets()
+        self.carries = False
+        """Whether the sheet goes along with what is led."""
         self.driven = np.ones(len(self.led), dtype=bool)
         """Corners of bodies that are led, or stay."""
         for body in free.bodies if free else []:
@@ -66,6 +69,19 @@ class Surroundings:
         part = self.collisions.free_part(x0, x1)
         self.led = led if part == 1.0 else self.led + part * (led - self.led)
         return part == 1.0
+
+    def carry(self, held: np.ndarray) -> Array | None:
+        """See `Term.carry`: each node goes with the corner of a body that is nearest to it."""
+        led = self._targets()
+        if not self.carries or self.free or np.array_equal(led, self.led):
+            return None
+        x0, count = self._places(), self.collisions.count
+        change = self.skin.change((led - self.led)[cKDTree(self.led).query(x0[:count])[1]])
+        change[held] = 0.0
+        x1 = np.concatenate([x0[:count] + self.skin.moved(change), led])
+        part = self.collisions.free_part(x0, x1)
+        self.led = led if part == 1.0 else self.led + part * (led - self.led)
+        return part * change
 
     def commit(self) -> None:
         """The step to the present places has happened."""

@@ -107,6 +107,18 @@ class Unknowns:
             self.force.array_w[:size], self.force.array_w[size:] = self.of_q.array_r, every[: self.here]
         return self.force
 
+    def carry(self, x: PETSc.Vec, given: np.ndarray) -> None:
+        """Take the sheet, in x and q, along with what leads the terms, but for the given unknowns."""
+        some = [term for term in self._terms if type(term).carry is not Term.carry]
+        if not some:
+            return
+        fixed = self.vector()
+        fixed.array_w[given] = 1.0
+        held = self.change(fixed) != 0.0
+        for way in [change for term in some if (change := term.carry(held)) is not None]:
+            x.array_w[: self.owned] += (way if self._space is None else self._space.rate(way))[: self.owned]
+            self.take(x)
+
     def residual(self, b: PETSc.Vec) -> None:
         """`force` at what is solved for."""
         if self.turn is None:

@@ -85,6 +85,13 @@ class Term:
         """Go on, as far as may be at once, to where it is led; False, on every rank, while there is more to go."""
         return True
 
+    def carry(self, held: np.ndarray) -> Array | None:
+        """Before `follow`: go on to where it is led and take the sheet along, as far as both may go at once.
+
+        held: unknowns of q, a local array, that may not move. Returns the change of q (local array), or None.
+        """
+        return None
+
     def energy(self) -> float | None:
         """What it stores at the last evaluation, J on this rank; None if it has none, and its work is all there is."""
         return None

@@ -1,0 +1,22 @@
+"""A sleeve and a trousers' leg on limbs that bend: what the wearer pays is what the cloth stores, and no more."""
+
+import numpy as np
+import pytest
+import test_demos
+
+demo, read, look = test_demos.demo, test_demos.read, test_demos.look
+QUICK = "--fabric soft --ease 4 --friction 0 --angle 6 --step 2 --cell 45 --skin 25 --reach 3"
+
+
+@pytest.mark.parametrize("name, length", [("elbow.py", "0.18"), ("knee.py", "0.25")])
+def test_an_elastic_cloth_without_friction_gives_back_what_it_takes(demo, tmp_path, name, length):
+    status, said, _ = demo(name, *QUICK.split(), "--length", length, "--out", tmp_path)
+    table = read(tmp_path / "soft_4" / "history.csv")
+    assert status == 0 and "and at most 1 % of the work comes from nowhere: yes" in said
+    work, stored, most = table["work_J"], table["stored_J"], table["work_J"].max()
+    assert table["angle_deg"] == pytest.approx([0, 2, 4, 6, 4, 2, 0]) and (np.diff(work[:4]) > 0.0).all()
+    assert work == pytest.approx(stored, abs=0.01 * most) and abs(work[-1]) < 0.01 * most
+    assert table["moment_Nm"][0] == pytest.approx(0.0, abs=1e-3 * table["moment_Nm"].max())
+    assert table["strain_skin"][3] > 0.01 and table["pressure_peak_Pa"].min() > 0.0
+    look(tmp_path / "moment.png")
+    look(tmp_path / "soft_4" / "deformed.png")
