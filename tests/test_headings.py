@@ -4,7 +4,10 @@ import re
 
 import numpy as np
 import pytest
+from click.testing import CliRunner
 
+from fabric_fenicsx import fabrics
+from fabric_fenicsx.app.cli import app
 from fabric_fenicsx.errors import InputError
 from fabric_fenicsx.identify import records, units
 
@@ -98,3 +101,32 @@ def test_what_could_be_read_two_ways_is_refused(tmp_path, head, reason):
 )  # fmt: skip
 def test_forces_per_width(unit, si):
     assert units.factor(unit) == ("force per width", pytest.approx(si, rel=1e-6))
+
+
+def test_a_fabric_from_records_of_three_countries(tmp_path):
+    """The whole way, with its report: a French, a Japanese and a Spanish file, and one whose columns the list names."""
+    d = np.concatenate([1e3 * D, 1e3 * D[-2:-12:-1]])
+    force = np.concatenate([F, F[-2:-12:-1] * np.linspace(0.8, 0, 10)])
+    files = {
+        "warp": ("Temps (s);Allongement (mm);Charge (daN)\n", 0.1, "cp1252"),
+        "warp_2": ("", 1.0, "utf-8"),
+        "weft": ("時間(s);ストローク(mm);試験力(N)\n", 0.8, "shift_jis"),
+        "bias": ("Tiempo (s);Alargamiento (mm);Carga (N/5cm)\n", 0.2, "cp1252"),
+    }
+    for name, (head, part, encoding) in files.items():
+        body = "\n".join(f"{k};{x:.5f};{part * f:.6f}" for k, (x, f) in enumerate(zip(d, force, strict=True)))
+        (tmp_path / f"{name}.csv").write_bytes((head + body).encode(encoding))
+    (tmp_path / "tests.toml").write_text(
+        'name = "a"\nlabel = "a"\nmaterial = "a"\nweave = "plain"\nthickness_mm = 0.4\ndensity_kg_per_m3 = 500\n'
+        'gauge_length_mm = 100\nwidth_mm = 50\ncolumns = ["time (s)", "displacement (mm)", "force (N)"]\n[records]\n'
+        'warp = ["warp.csv", "warp_2.csv"]\nweft = ["weft.csv"]\nbias = ["bias.csv"]\n'
+        "[assumed]\nnu12 = 0.2\nnu21 = 0.2\n"
+    )
+    words = ["identify", str(tmp_path / "tests.toml"), "--shear", "net", "--per-width", "N/5cm", "--out", str(tmp_path)]
+    answer = CliRunner().invoke(app, words)
+    assert answer.exit_code == 0, answer.output
+    fabric = fabrics.load(tmp_path / "fabric.toml")
+    E, stretch = D[-1] / 0.1 + (D[-1] / 0.1) ** 2 / 2, 1 + D[-1] / 0.1
+    for curve, part in ((fabric.warp, 1.0), (fabric.weft, 0.8)):
+        assert curve.stress(E) == pytest.approx(part * F[-1] / stretch / (0.05 * 0.4e-3), rel=0.005)
+    assert f"stress {F[-1] / stretch:.3g}" in (tmp_path / "fabric.toml").read_text()

@@ -10,7 +10,7 @@ import base64
 import html
 import io
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -21,7 +21,7 @@ from ..fabrics import Fabric
 from ..fabrics.per_width import PerWidth
 from ..laws import Array
 from ..laws.potential import Potential
-from . import comparison, curves, point, report, tables
+from . import comparison, curves, point, records, report, tables
 from .identified import Identified
 from .records import Record
 
@@ -111,7 +111,7 @@ def _photographs(found: Identified, simulated: Simulated | None) -> list[tuple[s
     """The photograph of each test at the highest load, beside the simulated strip."""
     shown: dict[str, tuple[Path, float]] = {}
     for way, path, own in _files(found):
-        photograph = _at_the_top(path) if len(own) == 1 and way not in shown else None
+        photograph = _at_the_top(path, found.tests.columns) if len(own) == 1 and way not in shown else None
         if photograph:
             shown[way] = photograph, float(own[0].displacement.max())
     if not shown:
@@ -133,13 +133,13 @@ def _photographs(found: Identified, simulated: Simulated | None) -> list[tuple[s
     return [("Photographs", figure)]
 
 
-def _at_the_top(path: Path) -> Path | None:
+def _at_the_top(path: Path, columns: Sequence[str]) -> Path | None:
     """The photograph at the largest force that a file names, if it is there."""
-    table = tables.read_table(path, ("force|load|kraft",), "force_N")
+    table = tables.read_table(path, ("|".join(records.WORDS["force"]),), "force_N", columns)
     named = [i for i, (name, _) in enumerate(table.columns) if name == PHOTOGRAPH]
-    force = next(i for i, (name, _) in enumerate(table.columns) if any(w in name for w in ("force", "load", "kraft")))
     if not named:
         return None
+    force = next(i for i, (name, _) in enumerate(table.columns) if records.names("force", name))
     cells, values = table.column(named[0]), table.numbers(force)
     rows = [k for k, cell in enumerate(cells) if cell and np.isfinite(values[k])]
     if not rows:

@@ -23,6 +23,7 @@ from .records import Strip
 
 KEYS = ("file", "frame_mm", "specimen_mm")
 ZEROED = 0.06  # of the peak force: a first reading below it is that of a load cell that was zeroed
+RUBS = 0.01  # of the peak force: friction at the start below it is not worth a remark
 LARGEST = np.radians(85.0)  # shear angle, beyond which the bars meet
 
 
@@ -104,5 +105,17 @@ def shear(frames: list[Frame], thickness: float, columns: list[str], preload: fl
             if rubs:
                 out.whole.append((E, S))
             out.records.append(record)
-            out.notes.extend((*record.notes, *part.notes))
+            out.notes.extend((*record.notes, *part.notes, *(_rubbing(record, part) if rubs else ())))
     return out
+
+
+def _rubbing(record: records.Record, part: branches.Branches) -> tuple[str, ...]:
+    """A remark on the force with which a frame begins to shear: who rubs, cloth or hinges, it does not tell."""
+    d, force = record.displacement[part.virgin], record.force[part.virgin]
+    start = curves.offset(d[1:], force[1:]) / float(force.max())
+    if start < RUBS:
+        return ()
+    return (
+        f"{record.file}: the force begins at {100 * start:.2g} % of its peak, which is taken for friction of the "
+        "cloth; that of the hinges is in it, so subtract the force of the empty frame, if it is not small beside it.",
+    )
