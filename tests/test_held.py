@@ -98,6 +98,31 @@ def test_the_motions_are_as_many_as_a_dense_matrix_has_without_stiffness(seed):
         assert np.abs(moved).max() > 0
 
 
+JOINED = """*NODE
+1, 0, 0\n2, .1, 0\n3, .1, .1\n4, 0, .1\n5, .2, .1\n6, .2, .2\n7, .1, .2
+*ELEMENT, TYPE=S4
+1, 1, 2, 3, 4\n2, 3, 5, 6, 7
+*NSET, NSET=FIXED
+1, 4
+*NSET, NSET=TIP
+6
+"""
+
+
+@pytest.mark.parametrize("kinematics", ["shell", "membrane"])
+def test_pieces_that_meet_in_one_point_turn_about_it(tmp_path, kinematics):
+    """A shell's shared director leaves the turn in its plane; a load along it does not excite it, and it is said."""
+    (tmp_path / "joined.inp").write_text(JOINED)
+    own = sheet.Sheet(
+        meshing.read(tmp_path / "joined.inp", MPI.COMM_SELF), LAW, 1e-3, (1e5, 1e5), kinematics=kinematics
+    )
+    load = own.weight(0.2, ufl.as_vector((1.0, -1.0, 0.0)))
+    held_piece = [("clamp", "FIXED"), ("lead", "TIP", 2, 0.0)]
+    words = said(own, *held_piece, load=load)
+    free = "turn about the line along z through (0.1, 0.1" if kinematics == "shell" else "turn about every axis"
+    assert words.startswith(f"the piece of 1 cells at (0.15, 0.15, 0) m can {free}")
+
+
 @pytest.mark.parallel
 def test_what_loads_keep_in_place_is_let_off():
     """A curtain on its rod: its weight down, up, across it and along the rod; in the last three it would turn."""

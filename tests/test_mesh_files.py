@@ -13,8 +13,9 @@ from mpi4py import MPI
 from dolfinx import fem
 from test_surface_meshes import area, count, folder, obj, refused, write
 
-from fabric_fenicsx import scenes
+from fabric_fenicsx import scenes, sheet
 from fabric_fenicsx.errors import InputError
+from fabric_fenicsx.laws.svk import StVenantKirchhoff
 from fabric_fenicsx.surfaces import meshing, yarns
 from fabric_fenicsx.terms import supports
 
@@ -151,6 +152,22 @@ def test_a_set_of_nodes_stands_for_the_edges_between_them(tmp_path, degree):
         owned = dofs[dofs < space.dofmap.index_map.size_local * 3]
         assert COMM.allreduce(len(owned)) == expected
     assert domain.entities("left")[0] == 0
+
+
+@pytest.mark.parallel
+@pytest.mark.parametrize("element", ["mitc4", "regge"])
+def test_a_shell_is_clamped_at_a_set_of_nodes(tmp_path, element):
+    text, quads = HEAD + "5, 2, 0\n6, 2, 1\n", element == "mitc4"
+    text += (
+        "*ELEMENT, TYPE=S4\n1, 1, 2, 3, 4\n2, 2, 5, 6, 3\n" if quads else "*ELEMENT, TYPE=S3\n1, 1, 2, 3\n2, 1, 3, 4\n"
+    )
+    domain = meshing.read(write(folder(tmp_path) / "a.inp", text + "*NSET, NSET=left\n1, 4\n"), COMM)
+    own = sheet.Sheet(domain, StVenantKirchhoff.isotropic(1e6, 0.3), 1e-3, (1e5, 1e5), element=element)
+    every = supports.unknowns(domain, own.space, "left")
+    clamped = np.concatenate([bc.dof_indices()[0] for bc in supports.clamp(domain, own.space, "left")])
+    assert np.array_equal(np.sort(clamped), np.sort(every)) and COMM.allreduce(len(clamped)) > 0
+    turning = np.concatenate([bc.dof_indices()[0] for bc in supports.hold(domain, own.space, "left")])
+    assert np.isin(turning, clamped).all() and COMM.allreduce(len(turning)) > 0
 
 
 def test_a_set_of_nodes_of_quadratic_cells_needs_the_corners(tmp_path):

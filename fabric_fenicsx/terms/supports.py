@@ -6,6 +6,7 @@ the reaction (`solvers.reactions`).
 """
 
 from collections.abc import Callable, Sequence
+from typing import Any
 
 import numpy as np
 import ufl
@@ -160,8 +161,8 @@ def _displacement(space: Space) -> fem.FunctionSpace:
 
 def _at(
     domain: Domain, name: str, space: fem.FunctionSpace | tuple[fem.FunctionSpace, fem.FunctionSpace]
-) -> np.ndarray:
-    """Local unknowns of a space at all groups of a name."""
+) -> Any:
+    """Local unknowns of a space, or of a subspace and its own, at all groups of a name."""
     topology, found = domain.mesh.topology, []
     for dim in domain.dims(name):
         _, entities = domain.entities(name, dim)
@@ -174,7 +175,11 @@ def _at(
             ends = topology.connectivity(1, 0).array.reshape(-1, 2)
             between = np.flatnonzero(np.isin(ends, entities).all(axis=1)).astype(np.int32)
             found.append(fem.locate_dofs_topological(space, 1, between))
-    return found[0] if len(found) == 1 else np.unique(np.concatenate(found, axis=-1), axis=-1)
+    if len(found) == 1:
+        return found[0]
+    every = np.unique(np.concatenate(found, axis=-1), axis=-1)
+    # of two spaces, two arrays, as DOLFINx gives and takes them
+    return every if every.ndim == 1 else [np.ascontiguousarray(row) for row in every]
 
 
 def _rotation(w: np.ndarray) -> np.ndarray:
