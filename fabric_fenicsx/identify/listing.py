@@ -53,6 +53,8 @@ Or the sheet of a laboratory, [kes] or [fast], in the place of gauge_length_mm, 
     [kes]                           # in the units of the sheet; WT may stand for LT
     warp = { EM = 5.1, LT = 0.72, RT = 58, G = 0.6, 2HG = 0.8, 2HG5 = 1.5, B = 0.10, 2HB = 0.05 }
     weft = { EM = 6.3, LT = 0.70, RT = 55, G = 0.6, 2HG = 0.9, 2HG5 = 1.6, B = 0.08, 2HB = 0.04 }
+    # or curves, tension = ["t.csv"], shear = ["s.csv"], bending = ["b.csv"]: "strain (%),force (gf/cm)", "shear angle
+    # (deg),force (gf/cm)", "curvature (1/cm),moment (gf cm/cm)", in place of the numbers that they tell
 
     [fast]
     warp = { E5 = 0.4, E20 = 1.1, E100 = 3.0, C = 18.5 }

@@ -10,7 +10,8 @@
     EB5 = 4.2
 
 KES (Kawabata 1980): EM % at 500 gf/cm, LT = WT over that of a straight line, WT gf cm/cm2, RT % of WT that comes back,
-G gf/cm/degree, 2HG and 2HG5 gf/cm at 0.5 and 5 degrees, B gf cm2/cm, 2HB gf cm/cm. FAST: E5, E20, E100 % at 5, 20 and
+G gf/cm/degree, 2HG and 2HG5 gf/cm at 0.5 and 5 degrees, B gf cm2/cm, 2HB gf cm/cm; or its curves, from which they are
+read (`kes_curves`). FAST: E5, E20, E100 % at 5, 20 and
 100 gf/cm, EB5 % in bias at 5 gf/cm, C mm; shear rigidity G = 123/EB5 N/m.
 """
 
@@ -25,7 +26,7 @@ from ..errors import InputError
 from ..fabrics import ShearFriction
 from ..fabrics.friction import GF_CM, KES_REACH, kes_unloading, of_kes
 from ..laws import Array
-from . import bending_tests
+from . import bending_tests, kes_curves
 from .curves import Estimate, Readings
 from .keys import expect
 from .records import Strip
@@ -75,8 +76,9 @@ def read(path: str | Path, kind: str, entries: Any) -> Sheet:
         where = f"{kind}.{way}"
         if not isinstance(entries[way], dict):
             raise InputError(f"{path}: {where} is not a table; write {where} = {{ {needed[0]} = ..., ... }}.")
-        expect(path, f"{where}.", entries[way], needed, more)
-        numbers[way] = {key: _numbers(path, f"{where}.{key}", value) for key, value in entries[way].items()}
+        told = kes_curves.in_numbers(path, where, entries[way]) if kind == "kes" else entries[way]
+        expect(path, f"{where}.", told, needed, more)
+        numbers[way] = {key: _numbers(path, f"{where}.{key}", value) for key, value in told.items()}
         _consistent(path, where, kind, numbers[way])
     if kind == "fast":
         numbers["bias"] = {"EB5": _numbers(path, "fast.EB5", entries["EB5"])}

@@ -21,7 +21,7 @@ from .cleaning import seconds
 SPACES = r"\s+(?![\[(])"  # a unit in brackets belongs to the name before it
 SHOWN = 4  # names of a column that the sentence on a missing head tells
 EXAMPLES = {"force": "N", "length": "mm", "time": "s", "ratio": "%", "angle": "deg", "curvature": "1/cm"}
-EXAMPLES |= {"moment per width": "gf cm/cm"}
+EXAMPLES |= {"force per width": "gf/cm", "moment per width": "gf cm/cm"}
 FEW = 8  # lines below another head that are no test, but a summary
 
 
