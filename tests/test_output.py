@@ -408,7 +408,7 @@ def test_a_broken_step_is_named_and_the_others_are_shown(fall, tmp_path, fault, 
         found.shape(number, "yarn")
     assert found.last() == (6 if number == 7 else 7)
     drawn = []
-    monkeypatch.setattr(pictures, "page", lambda *words: np.zeros((8, 8, 3)))
+    monkeypatch.setattr(pictures, "page", lambda *words, **more: np.zeros((8, 8, 3)))
     monkeypatch.setattr(series, "_write_film", lambda path, pages, seconds: drawn.append(len(pages)))
     assert found.film(out / "a.gif") == [number] and drawn == [7]
     assert "vtk" not in capfd.readouterr().err.lower(), "VTK says nothing of its own"
@@ -417,7 +417,7 @@ def test_a_broken_step_is_named_and_the_others_are_shown(fall, tmp_path, fault, 
 @pytest.mark.skipif(system.can_draw() is not None, reason="nothing can draw here")
 def test_a_film_ends_with_the_last_step(fall, monkeypatch):
     titles = []
-    monkeypatch.setattr(pictures, "page", lambda s, label, title, *more: titles.append(title) or np.zeros((8, 8, 3)))
+    monkeypatch.setattr(pictures, "page", lambda s, label, title, **more: titles.append(title) or np.zeros((8, 8, 3)))
     monkeypatch.setattr(series, "_write_film", lambda *words, **more: None)
     for most in (2, 3, 5, 8, 50):
         titles.clear()
