@@ -20,3 +20,14 @@ def test_an_elastic_cloth_without_friction_gives_back_what_it_takes(demo, tmp_pa
     assert table["strain_skin"][3] > 0.01 and table["pressure_peak_Pa"].min() > 0.0
     look(tmp_path / "moment.png")
     look(tmp_path / "soft_4" / "deformed.png")
+
+
+@pytest.mark.slow
+def test_two_ranks_bend_the_same_sleeve(demo, tmp_path):
+    words = [*QUICK.split(), "--length", "0.18"]
+    demo("elbow.py", *words, "--out", tmp_path / "one")
+    script = str(test_demos.script("elbow.py"))
+    test_demos.on_two_ranks([[script, *words, "--out", str(tmp_path / "two")]])
+    one, two = (read(tmp_path / ranks / "soft_4" / "history.csv") for ranks in ("one", "two"))
+    for column in ("moment_Nm", "work_J", "stored_J", "pressure_peak_Pa", "strain_cloth", "slip_max_m"):
+        assert two[column] == pytest.approx(one[column], abs=1e-6 * np.abs(one[column]).max())

@@ -153,13 +153,15 @@ class Contact:
                 found[nodes[nodes < near.count]] = True
         return found
 
-    def forces(self, body: Body | None = None) -> Array:
-        """Of contact and friction on the sheet's nodes, (n, 3) in N, in the order of `Skin`, or on a body's corners."""
+    def forces(self, body: Body | None = None, *, friction: bool = True) -> Array:
+        """Of contact and friction on the sheet's nodes, (n, 3) in N, in the order of `Skin`, or on a body's corners.
+
+        friction: whether it counts.
+        """
         self._around.place()
         with self._around.looking_back():
-            if body is not None:
-                return -self._on(body)[1]
-            return -self._all()[: len(self._around.skin.rest)]
+            part = slice(0, len(self._around.skin.rest)) if body is None else self._part(body)
+            return -(self._all() if friction else self._barrier._forces())[part]
 
     def force(self, body: Body) -> Array:
         """Of the sheet on a body, 3 numbers in N."""

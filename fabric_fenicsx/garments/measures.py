@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from mpi4py import MPI
 
-from ..contact.bodies import Body, Plane
+from ..contact.bodies import Body
 from ..contact.contact import Contact
 from ..errors import InputError
 from ..fabrics import Fabric
@@ -39,25 +39,25 @@ class Effort:
         effort = Effort(touch, solver)
         for step in march(solver, arm.at, times): effort.step()
 
-    Supports are to rest. Public: `work` of those who lead the bodies, J, each corner's by the mean of the forces on it
-    at both ends of a step; `work_on`, of each body; `stored` since the start, in cloth and contact; `by_law` and
-    `by_friction`, what these took; `released`, the rest: what the sheet gave up where it snapped from one balance to
-    another, and the error of finite steps.
+    Supports are to rest. Public: `work` of those who lead the bodies, J, by the mean of the pressures at both ends of
+    a step, and by the friction at its end, which does not begin at nothing; `work_on`, of each body; `stored` since the
+    start, in cloth and contact; `by_law` and `by_friction`, what these took; `released`, the rest: what the sheet gave
+    up where it snapped from one balance to another, and the error of finite steps.
     """
 
     def __init__(self, touch: Contact, solver: StaticSolver) -> None:
         self._touch, self._solver = touch, solver
         self.work_on = [0.0] * len(touch.bodies)
         self.stored, self.by_law, self.by_friction, self._start = 0.0, 0.0, 0.0, (0.0, 0.0)
-        self._last: list[tuple[Array, Array]] = []
+        self._last: list[tuple[Array, Array, Array]] = []
 
-    def _look(self) -> list[tuple[Array, Array]]:
-        """Forces on all bodies and where they act; a plane is shifted as one."""
-        touch, plane = self._touch, [isinstance(body, Plane) for body in self._touch.bodies]
-        return [
-            (touch.force(body)[None], touch.places(body)[:1]) if flat else (touch.forces(body), touch.places(body))
-            for body, flat in zip(touch.bodies, plane, strict=True)
-        ]
+    def _look(self) -> list[tuple[Array, Array, Array]]:
+        """Pressure and friction on all bodies, and where they act."""
+        touch, found = self._touch, []
+        for body in touch.bodies:
+            pressed = touch.forces(body, friction=False)
+            found.append((pressed, touch.forces(body) - pressed, touch.places(body)))
+        return found
 
     def _energy(self) -> float:
         terms = self._solver.terms
@@ -67,8 +67,8 @@ class Effort:
         """After a step; the first one is that to the state from which on it counts."""
         now, comm = self._look(), self._solver.comm
         laws = [term for term in self._solver.terms if term.loses == "law"]
-        for k, ((f0, x0), (f1, x1)) in enumerate(zip(self._last, now, strict=bool(self._last))):
-            self.work_on[k] -= float(np.sum((f0 + f1) * (x1 - x0)) / 2)
+        for k, ((f0, _, x0), (f1, rubbed, x1)) in enumerate(zip(self._last, now, strict=bool(self._last))):
+            self.work_on[k] -= float(np.sum(((f0 + f1) / 2 + rubbed) * (x1 - x0)))
         taken = comm.allreduce(sum(term.dissipated() for term in laws))
         for term in laws:
             term.watch()
