@@ -55,6 +55,7 @@ class Case:
     whole: bool = False
     triangles: bool = False
     ramp: float | None = None
+    search: str | None = None
 
     @property
     def displacement(self):
@@ -103,6 +104,7 @@ def strip(case, comm=MPI.COMM_WORLD):
         degree=case.degree,
         level=case.kinematics,
         imperfection=case.imperfection,
+        search=case.search,
     )
 
 
@@ -296,6 +298,7 @@ def arguments():
     parser.add_argument(
         "--imperfection", type=command.number, default=0.0, help="height in mm of a half wave along a shell strip"
     )
+    parser.add_argument("--search", choices=["energy", "newton"], help="(if left out, energy where it is bent)")
     parser.add_argument("--whole", action="store_true", help="go back to zero displacement, past zero force")
     parser.add_argument("--out", type=Path, default=Path("out/tensile"))
     return command.parse(parser)
@@ -317,6 +320,7 @@ def main():
             case = Case(
                 fabric, angle, law, args.poisson, args.cells, args.degree, args.steps, ends, args.reload,
                 args.mesh, args.kinematics, args.imperfection * 1e-3, args.whole, args.triangles, args.ramp,
+                args.search,
             )  # fmt: skip
             tail = "" if len(args.law) == 1 else f"_{law}"
             folder = results.folder(out / f"{Path(name).stem}_{angle:g}{tail}")

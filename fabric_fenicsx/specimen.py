@@ -18,8 +18,9 @@ from .solvers.descent import Search, StableSolver
 from .surfaces import yarns
 from .surfaces.meshing import Domain
 from .terms import hook, supports, weakform
+from .terms.form import FormTerm
 from .terms.points import LawPoints
-from .terms.term import Residual
+from .terms.term import Term
 
 type Ends = Literal["clamped", "free"]
 type Level = Literal["plane", "membrane", "shell"]
@@ -54,7 +55,7 @@ def strip(
     level: Level = "plane",
     imperfection: float = 0.0,
     quadrature: int | None = None,
-    search: Search = "energy",
+    search: Search | None = None,
 ) -> Strip:
     """A strip along x between its groups fixed_end and pulled_end, the warp at `angle` (radians) to x.
 
@@ -62,7 +63,7 @@ def strip(
     "plane", "membrane" or "shell", the latter two of a mesh in space: there the ends stay in their plane and are
     gripped; while the strip is flat it does what it does in the plane. `imperfection` (m) bends a shell into a half
     wave. `quadrature` is the degree of polynomials whose work in the plane is integrated exactly, by
-    default twice `degree`. search: of a shell that buckles, see `sheet.Sheet.equilibrium`.
+    default twice `degree`. `search`: see `sheet.Sheet.equilibrium`; by default along the energy where it is bent.
     """
     for what, value, known in (("ends", ends, Ends), ("level", level, Level)):
         if value not in get_args(known.__value__):
@@ -70,7 +71,7 @@ def strip(
     plane, mesh, h = level == "plane", domain.mesh, fabric.thickness
     warp = (np.cos(angle), np.sin(angle), 0.0)
     shell: ShellSpace | None = None
-    residual: Residual
+    residual: list[Term]
     if level == "shell":
         x = mesh.geometry.x
         x[:, 2] = imperfection * np.sin(np.pi * x[:, 0] / x[:, 0].max(initial=1e-9))
@@ -84,11 +85,12 @@ def strip(
         rule = quadrature or 2 * degree
         axes = yarns.plane_axes(mesh, angle) if plane else yarns.surface_axes(mesh, warp, rule)
         strain = kinematics.membrane_strain(u, axes)
-        cloth = hook.LawHook(law, strain, mesh, degree=rule)
-        residual = weakform.internal(cloth.stress, strain, u, v, fem.Constant(mesh, h), cloth.dx)
+        cloth = hook.LawHook(law, strain, mesh, degree=rule, factor=h)
+        work = weakform.internal(cloth.stress, strain, u, v, fem.Constant(mesh, h), cloth.dx)
+        residual = [FormTerm(work, u, symmetric=law.symmetric)]
         if not plane:
             # across itself a membrane without stress has no stiffness: it lies on a soft foundation
-            residual += fem.Constant(mesh, FOUNDATION) * u[2] * v[2] * cloth.dx
+            residual.append(FormTerm(fem.Constant(mesh, FOUNDATION) * u[2] * v[2] * cloth.dx, u))
         points = cloth.points
     space = shell or flat
 
@@ -105,7 +107,7 @@ def strip(
     buckles = imperfection != 0.0
     options: dict[str, object] = {"snes_linesearch_type": "basic" if buckles else "bt"}
     rtol = 1e-10 if buckles else 1e-6
-    search = search if buckles else "newton"
+    search = search or ("energy" if buckles else "newton")
     solver = StableSolver(residual, u, bcs, rtol=rtol, options=options, space=shell, search=search)
 
     def pull(displacement: float) -> None:
