@@ -5,6 +5,7 @@ from typing import Literal, NamedTuple, get_args
 
 import numpy as np
 import ufl
+from mpi4py import MPI
 from dolfinx import fem
 
 from . import sheet
@@ -74,7 +75,8 @@ def strip(
     residual: list[Term]
     if level == "shell":
         x = mesh.geometry.x
-        x[:, 2] = imperfection * np.sin(np.pi * x[:, 0] / x[:, 0].max(initial=1e-9))
+        length = mesh.comm.allreduce(x[:, 0].max(initial=0.0), MPI.MAX)
+        x[:, 2] = imperfection * np.sin(np.pi * x[:, 0] / length)
         element = "q1" if mesh.basix_cell().name == "quadrilateral" else None
         G = fabric.shear.modulus[0]
         bent = sheet.Sheet(domain, law, h, (G, G), warp=warp, element=element)

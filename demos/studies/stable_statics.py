@@ -10,8 +10,8 @@ where it is stable.
     python demos/studies/stable_statics.py
     python demos/studies/stable_statics.py --only buckled --search energy --kicks 5
 
-With --kicks every case runs again from starts that are moved by 1e-12 m at random: where heights differ by more than
-1e-6 of them, there are several stable states, which are named, and a run ends in one of them.
+With --kicks every case runs again from starts that are moved at random, by 1e-12 m or --size: where heights differ by
+more than 1e-6 of them, there are several stable states, which are named, and a run ends in one of them.
 
 The checked numbers: downhill every case is complete, and ends where no eigenvalue is negative.
 """
@@ -172,14 +172,14 @@ CASES = {
 }
 
 
-def run(name, search, kick=None, **more):
-    """A row of the table; kick: seed of a random move of the start; more: for the case."""
+def run(name, search, kick=None, size=1e-12, **more):
+    """A row of the table; kick: seed of a random move of the start by a size (m); more: for the case."""
     scene = CASES[name](search, **more)
     solver = scene.solver
     if kick is not None:
         start = np.random.default_rng(kick).standard_normal(len(solver.u.x.array))
         free = np.setdiff1d(solver.displacements, solver._given)
-        solver.u.x.array[free] += 1e-12 * start[free]
+        solver.u.x.array[free] += size * start[free]
     taken, failed, top = [], "", 0.0
     try:
         for step in statics.march(solver, scene.put, scene.loads):
@@ -215,6 +215,7 @@ def main():
     parser.add_argument("--only", help="cases whose names hold this word")
     parser.add_argument("--search", choices=["energy", "newton"], nargs="+", default=["energy", "newton"])
     parser.add_argument("--kicks", type=command.positive, help="more runs of each, from a start moved a little")
+    parser.add_argument("--size", type=command.number, default=1e-12, help="of these moves, m")
     parser.add_argument("--out", type=Path, default=Path("out/stable_statics"))
     args = command.parse(parser)
     good = True
@@ -231,7 +232,7 @@ def main():
                 command.say(f"{name:24s} {search:6s} {said}; {end}")
                 good &= search == "newton" or (not failed and row["negative"] == 0)
             if args.kicks:
-                kicked = [run(name, "energy", seed) for seed in range(args.kicks)]
+                kicked = [run(name, "energy", seed, args.size) for seed in range(args.kicks)]
                 command.say(f"{name:24s} from {args.kicks} starts: {states(kicked)}")
     command.say(f"check: downhill all cases end in a stable state: {'yes' if good else 'NO'}; see {args.out}")
     return 0 if good else 1
