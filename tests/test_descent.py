@@ -74,10 +74,10 @@ def test_a_flat_airbag_is_blown_up_at_once():
 
 @pytest.mark.parallel
 def test_a_strip_buckles_and_comes_back():
-    """Factors that fail on the way are thrown away, on several ranks too."""
+    """Factors that fail on the way are thrown away; on several ranks it is the same strip, and comes to the same."""
     row = STUDY["run"]("buckled strip of blend", "energy", steps=3)
     assert row["steps"] == 6 and row["cuts"] == 0 and row["negative"] == 0 and row["lowest"] > 0.0
-    assert row["height_m"] == pytest.approx(0.042, abs=0.002)
+    assert row["height_m"] == pytest.approx(0.0421525425, rel=1e-6)
 
 
 @pytest.mark.parallel
