@@ -45,7 +45,8 @@ Rooms, in the order in which a scene goes through them, and their names; each ro
   `Capsule`, `Box`, `Ring`, `Surface`; `contact.coefficients`: friction: `coulomb`, `start_of_slip`
 - `contact.deforming`: bodies as frames tell: `Deforming`
 - `garments.panels`: of a pattern: `Panel`, `Edge`, `Flat`, `Rolled`; `garments.sewing`: `sew`, `Seam`, `Garment`
-- `garments.dressing`: onto the body, and from there on: `Dressing`, `worn`; `garments.limbs`: `arm`, `leg`
+- `garments.dressing`: onto the body, and from there on: `Dressing`, `worn`
+- `garments.limbs`: who wears it: `arm`, `leg`; `garments.hips`: `hips`
 - `output.results`: histories: `folder`, `Table`, `Average`, `on_root`; `output.fields`: for ParaView: `Fields`
 - `output.pictures`: a sheet: `picture`; `output.solids`: bodies in it: `drawn`
 - `output.series`: from its fields, and films: `Series`
@@ -64,7 +65,7 @@ the directors, `surfaces.placing` where a garment starts, `surfaces.outlines` it
 `contact.friction`, `contact.pressure`, `contact.free_body` and `contact.free_bodies` contact, `terms.extra` and
 `solvers.unknowns` unknowns beside a sheet's,
 `garments.patterns`, `garments.dxf`, `garments.garmentcode` and `garments.outlines` patterns from files,
-`garments.limb`, `garments.hips` and `garments.measures` the wearer, `solvers.leading` what leads,
+`garments.limb` and `garments.measures` the wearer, `solvers.leading` what leads,
 `solvers.held`, `solvers.zero_energy` and `solvers.drag` statics, `solvers.redundant` several ranks,
 `solvers.reactions` and `solvers.failures` all of
 them, `entries` the TOML files, `compiling` the forms that are compiled once and kept,

@@ -5,6 +5,7 @@ import pytest
 from mpi4py import MPI
 from dolfinx import fem, la
 
+from fabric_fenicsx import scenes
 from fabric_fenicsx.contact.bodies import Cylinder
 from fabric_fenicsx.contact.contact import Contact
 from fabric_fenicsx.contact.skin import Skin
@@ -14,6 +15,7 @@ from fabric_fenicsx.garments.panels import Edge, Flat, Panel
 from fabric_fenicsx.garments.sewing import Seam, sew
 from fabric_fenicsx.laws.svk import StVenantKirchhoff
 from fabric_fenicsx.material import Material
+from fabric_fenicsx.output import results
 from fabric_fenicsx.surfaces import placing
 from fabric_fenicsx.terms import supports
 from fabric_fenicsx.terms.term import add_forces
@@ -103,3 +105,92 @@ def test_only_what_is_sewn_can_be_dressed(tmp_path):
     with pytest.raises(InputError, match=r"worn\.npz' does not fit"):
         dressing.worn(tmp_path / "worn.npz", garment, CLOTH)
     assert placing.of(garment.domain.mesh) is not None
+
+
+def half(name, facing):
+    corners = '{ name = "hem", from = [-149, 0] }, { name = "right", from = [149, 0] }, '
+    corners += '{ name = "top", from = [149, 60] }, { name = "left", from = [-149, 60] }'
+    roll = f"roll = {{ radius_m = 0.12, facing = [0, {facing}, 0], around_deg = 180 }}"
+    return f'[[panel]]\nname = "{name}"\nmaterial = "knit"\noutline = [{corners}]\n{roll}\n'
+
+
+PATTERN = f"""unit = "mm"
+{half("front", -1)}{half("back", 1)}
+[[seam]]
+join = ["front.right", "back.left"]
+[[seam]]
+join = ["front.left", "back.right"]
+"""
+SCENE = """
+[mesh]
+file = "tube.toml"
+cell_m = 0.08
+[sheet]
+fabric = "blend"
+law = "svk"
+layers = 3
+[[body]]
+name = "limb"
+kind = "cylinder"
+radius_m = 0.1
+length_m = 0.4
+centre_m = [0, 0, 0.03]
+cells = 6
+[contact]
+itself = false
+friction = 0.3
+reach_m = 2e-3
+stiffness_Pa = 2e3
+[[probe]]
+name = "hem"
+at = "front.hem"
+axis = "z"
+[dressing]
+time_s = 0.2
+"""
+MOTION = SCENE.replace("[dressing]\ntime_s = 0.2", "[dynamics]\nend_s = 0.02\nstep_ms = 10")
+
+
+def scene(folder, text, pattern=PATTERN):
+    (folder / "tube.toml").write_text(pattern)
+    (folder / "scene.toml").write_text(text)
+    return scenes.read(folder / "scene.toml")
+
+
+def test_a_scene_dresses_a_pattern_and_another_goes_on_with_it(tmp_path):
+    table = scenes.run(scene(tmp_path, SCENE), results.folder(tmp_path / "out"), progress=False)
+    assert table.rows[-1]["least_gap_m"] > 0.0 and (tmp_path / "out" / "worn.npz").exists()
+    built = scenes.build(scene(tmp_path, MOTION.replace("cell_m", 'worn = "out/worn.npz"\ncell_m')))
+    assert built.touch is not None and not built.touch.crossed() and built.cloth.materials.keys() == {"front", "back"}
+    (distance,) = {round(float(r), 3) for r in np.hypot(*built.touch.nodes()[:, :2].T)}
+    assert 0.1 < distance < 0.11
+    # the weft, around, is stretched on the body by its ease: 2 pi R over the panels
+    assert np.sqrt(1 + 2 * built.cloth.cell_strain()[:, 1]) == pytest.approx(2 * np.pi * distance / 0.596, rel=0.05)
+
+
+@pytest.mark.parametrize(
+    ("text", "reason"),
+    [
+        (SCENE.replace("tube.toml", "square.geo").replace("cell_m = 0.08", ""), "dressing = .* is of a sewing pattern"),
+        (SCENE.replace("cell_m = 0.08", ""), "mesh.*cell_m"),
+        (SCENE + '[[load]]\nkind = "gravity"\nacceleration_m_per_s2 = [0, 0, -9.81]\n', "does not go with dressing"),
+        (SCENE[: SCENE.index("[[body]]")] + "[dressing]\n[[support]]\nat='front.hem'\nkind='hinge'", "to be dressed"),
+        (SCENE.replace("cells = 6", "cells = 6\nmass_kg = 1"), "mass_kg"),
+        (SCENE + "[statics]\n", "a scene has one of them"),
+    ],
+)
+def test_what_cannot_be_dressed_by_a_scene_is_refused(tmp_path, text, reason):
+    with pytest.raises(InputError, match=reason) as fault:
+        scene(tmp_path, text)
+    assert "\n" not in str(fault.value)
+
+
+@pytest.mark.filterwarnings("ignore:.*is assumed")
+def test_materials_of_a_pattern_are_those_of_its_panels(tmp_path):
+    two = SCENE.replace(
+        'fabric = "blend"\nlaw = "svk"\nlayers = 3', '[[sheet.material]]\nat = "silk"\nfabric = "blend"'
+    )
+    with pytest.raises(InputError, match="No panel is of the material 'silk'; those of the pattern are knit"):
+        scenes.build(scene(tmp_path, two), COMM)
+    with pytest.raises(InputError, match="leave warp out"):
+        scenes.build(scene(tmp_path, SCENE.replace("layers = 3", "warp = [0, 1, 0]")), COMM)

@@ -1,5 +1,7 @@
 """Sewing patterns from files: own ones in TOML, GarmentCode's JSON, and DXF of the kind AAMA/ASTM.
 
+A scene takes the first two as its mesh, see `scenes.reading`; a script reads all three.
+
 A file of its own, with every key; lengths are in its `unit`, angles in degrees, places in space in m:
 
     unit = "mm"                              # of what is drawn: m, cm, mm or inch

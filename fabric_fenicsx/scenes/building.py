@@ -5,7 +5,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import ufl
@@ -21,6 +21,7 @@ from ..laws.bending import Bending
 from ..laws.lay_up import LayUp, Ply
 from ..material import Material
 from ..sheet import Loads, Sheet
+from ..shell.directors import ELEMENTS
 from ..surfaces import meshing, yarns
 from ..terms import supports, weakform
 from .bodies import led, touching
@@ -30,6 +31,7 @@ from .support_reading import Load, Support
 
 if TYPE_CHECKING:
     from ..contact.contact import Contact
+    from ..garments.sewing import Garment
 
 
 @dataclass
@@ -62,23 +64,27 @@ class Built:
 
 def build(scene: Scene, comm: MPI.Comm = MPI.COMM_WORLD) -> Built:
     """Read mesh and fabric, and make the sheet. Raises InputError, on every rank, for what does not fit together."""
-    domain = meshing.read(
-        scene.mesh,
-        comm,
-        orient=scene.orient,
-        scale=scene.scale,
-        merge=scene.merge,
-        triangulate=scene.triangulate,
-        trust=scene.trust,
-        numbers=scene.numbers,
-    )
+    garment = None if scene.cell is None else _sewn(scene, scene.cell, comm)
+    if garment is not None:
+        domain = garment.domain
+    else:
+        domain = meshing.read(
+            scene.mesh,
+            comm,
+            orient=scene.orient,
+            scale=scene.scale,
+            merge=scene.merge,
+            triangulate=scene.triangulate,
+            trust=scene.trust,
+            numbers=scene.numbers,
+        )
     if domain.pieces > 1 and comm.rank == 0:
         warnings.warn(
             f"The sheet of {scene.mesh.name} is of {domain.pieces} pieces, which no edge joins.", stacklevel=2
         )
     known: dict[str, fabrics.Fabric] = {}
     made = {entry.at: _material(entry, domain, known) for entry in scene.materials}
-    cloth = Sheet(domain, made, kinematics=scene.kinematics, element=scene.element)
+    cloth = _sheet(scene, domain, made, garment)
     bcs, moves = [], []
     for support in scene.supports:
         conditions, move = _hold(cloth, support)
@@ -106,9 +112,38 @@ def build(scene: Scene, comm: MPI.Comm = MPI.COMM_WORLD) -> Built:
             touch.free.gravity[:] = np.sum(parts, axis=0)
 
     set_load(0.0)
-    touch = touching(cloth, [body for body, _ in solids], scene.contact)
+    # dressing has an energy, and friction none
+    smooth = None if scene.contact is None else scene.contact | {"friction": 0.0, "static": 0.0}
+    touch = touching(cloth, [body for body, _ in solids], smooth if scene.dressing else scene.contact)
     set_load(0.0)
     return Built(scene, known, cloth, bcs, loads, set_load, touch)
+
+
+def _sewn(scene: Scene, cell: float, comm: MPI.Comm) -> Garment:
+    """The garment of a pattern, with cells of the kind that the element needs."""
+    from ..garments import patterns, sewing
+
+    pattern = patterns.read(scene.mesh)
+    kind = ELEMENTS[scene.element or "mitc4"][0]
+    return sewing.sew(pattern.panels, pattern.seams, cell=cell, comm=comm, kind=kind)  # type: ignore[arg-type]
+
+
+def _sheet(scene: Scene, domain: meshing.Domain, made: dict[str, Material], garment: Garment | None) -> Sheet:
+    """Of these materials; of a garment they are those of its panels, and it may be worn."""
+    options: dict[str, Any] = {"kinematics": scene.kinematics, "element": scene.element}
+    if garment is None:
+        return Sheet(domain, made, **options)
+    known = {panel.material or panel.name for panel in garment.panels}
+    for at in made.keys() - known - {""}:
+        raise InputError(f"No panel is of the material {at!r}; those of the pattern are {', '.join(sorted(known))}.")
+    if any(entry.warp != (1.0, 0.0, 0.0) for entry in scene.materials):
+        raise InputError("The warp of a panel lies along its grain line: leave warp out, and tell grain_deg there.")
+    of = made.get("", made)
+    if scene.worn is None:
+        return garment.sheet(of, **options)
+    from ..garments import dressing
+
+    return dressing.worn(scene.worn, garment, of, **options)
 
 
 def _material(entry: Entry, domain: meshing.Domain, known: dict[str, fabrics.Fabric]) -> Material:

@@ -56,7 +56,11 @@ def marks(built: Built) -> dict[str, str]:
     for at, fabric in built.fabrics.items():
         of = f"fabric of {at}." if at else "fabric."
         named |= {f"{of}{f.name}": getattr(fabric, f.name) for f in fields(fabric) if f.name not in WORDS}
-    named |= {f"group {name!r}": group(built.cloth.domain, name) for name in sorted(groups)}
+    named |= {
+        f"group {name!r}": group(built.cloth.domain, name)
+        for name in sorted(groups)
+        if name in built.cloth.domain.names
+    }
     return {name: str(value) for key, part in named.items() for name, value in _leaves(key, part)}
 
 

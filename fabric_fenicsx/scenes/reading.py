@@ -11,6 +11,11 @@ Every key, with its default where it has one:
     scale = 1.0                                 # metres to a unit of the file: 0.001 for millimetres
     merge = 1e-6                                # m; points on free edges that are nearer are one; none if left out
     triangulate = false                         # cut all cells into triangles
+                                                # or a sewing pattern (`garments.patterns`): file = "skirt.toml", or a
+                                                # .json of GarmentCode; its groups are "panel", "panel.edge" and names
+    # cell_m = 0.02                             # of seams, the warp lies along the grain. cell_m: size of its cells;
+    # worn = "out/dress/worn.npz"               # worn: where it starts, as a scene with [dressing] has left it, else
+                                                # where the pattern places or rolls its panels
 
     [sheet]
     fabric = "blend"                            # a name, or a TOML file beside this one
@@ -24,7 +29,8 @@ Every key, with its default where it has one:
     layers = 3                                  # as the fabric's [bending] has it, else assumed, which is said
 
     # [[sheet.material]]                        # or several, each with all of [sheet] but kinematics and element, and
-    # at = "lining"                             # on a group of cells; all groups together are the sheet
+    # at = "lining"                             # on a group of cells; all groups together are the sheet. Of a pattern
+                                                # at: the material of its panels, or else their names
     # [[sheet.material.ply]]                    # from the first side of the sheet on, instead of a material's fabric
     # fabric = "muslin"
     # angle_deg = 45                            # of its warp, from that of the material
@@ -71,7 +77,7 @@ Every key, with its default where it has one:
     slip_m_per_s = 1e-3                         # from which on all of the friction acts
     creep_m = 2e-5                              # the way in a step that stands for it in statics
 
-    [statics]                                   # or [dynamics]
+    [statics]                                   # or [dynamics], or [dressing]
     turns = [1]                                 # load parts to go to; [1, 0] loads and takes the load away
     steps = 10                                  # to each
     smallest = 0.015625                         # part of a step below which it is not cut any more
@@ -81,6 +87,10 @@ Every key, with its default where it has one:
     step_ms = 5.0
     rho = 0.8
     damping_per_s = 0.0
+
+    [dressing]                                  # or instead, of a pattern: until it is at rest around the bodies, as
+    time_s = 0.4                                # they are at the start, without loads; it leaves worn.npz in its folder
+    step_ms = 20.0
 
     [[probe]]
     name = "centre"                             # a column centre_z_m in history.csv: mean displacement of a group
@@ -109,6 +119,15 @@ from .bodies import Options, Solid, contact, solids
 from .sheet_reading import Entry, Vector, materials
 from .support_reading import AXES, Load, Support
 
+PATTERNS = (".toml", ".json")
+"""Endings of sewing patterns."""
+HOW = {
+    "statics": ("", "turns steps smallest"),
+    "dynamics": ("end_s", "step_ms rho damping_per_s"),
+    "dressing": ("", "time_s step_ms"),
+}
+"""What a scene goes through -> keys that it needs, and those that it may have."""
+
 
 @dataclass(frozen=True)
 class Probe:
@@ -132,6 +151,8 @@ class Scene:
     merge: float | None
     triangulate: bool
     trust: bool
+    cell: float | None
+    worn: Path | None
     materials: tuple[Entry, ...]
     kinematics: Kinematics
     element: str | None
@@ -140,6 +161,7 @@ class Scene:
     probes: tuple[Probe, ...]
     bodies: tuple[Solid, ...]
     contact: Options | None
+    dressing: bool
     dynamic: bool
     turns: Vector
     steps: int
@@ -162,17 +184,20 @@ def read(path: str | Path, *, trust: bool = False) -> Scene:
     path = shipped.scene(path)
     file = entries.read(path, "a scene file", "the example of 'fabric-fenicsx run --keys'")
     needed = "mesh sheet" if "body" in file.entries else "mesh sheet support"
-    file.expect(needed, "title support load body contact statics dynamics probe output")
+    file.expect(needed, "title support load body contact statics dynamics dressing probe output")
     mesh, sheet = file.table("mesh"), file.table("sheet")
-    mesh.expect("file", "numbers orient scale merge triangulate")
-    made = materials(sheet, path.parent)
+    made, sewn = materials(sheet, path.parent), Path(mesh.text("file")).suffix.lower() in PATTERNS
+    mesh.expect("file cell_m" if sewn else "file", "worn" if sewn else "numbers orient scale merge triangulate")
     numbers = mesh.table("numbers") if "numbers" in mesh.entries else Table(file.file, "mesh.numbers.", {})
-    dynamic = "dynamics" in file.entries
-    if dynamic == ("statics" in file.entries):
+    which = [key for key in HOW if key in file.entries]
+    if len(which) != 1:
         file.refuse("statics", "and dynamics: a scene has one of them", "keep [statics] or [dynamics]")
-    how = file.table("dynamics" if dynamic else "statics")
-    how.expect("end_s" if dynamic else "", "step_ms rho damping_per_s" if dynamic else "turns steps smallest")
+    how, dynamic, dressing = file.table(which[0]), which == ["dynamics"], which == ["dressing"]
+    how.expect(*HOW[which[0]])
+    if dressing:
+        _may_dress(file, sewn)
     end, rho, damping = how.positive("end_s", 1.0), how.real("rho", 0.8), how.real("damping_per_s", 0.0)
+    end = how.positive("time_s", 0.4) if dressing else end
     if not 0.0 <= rho <= 1.0:
         how.refuse("rho", "is not from 0 to 1", "take 0.8, or 1 for no dissipation by the scheme")
     smallest = how.positive("smallest", 1 / 64)
@@ -215,6 +240,8 @@ def read(path: str | Path, *, trust: bool = False) -> Scene:
         merge=mesh.positive("merge") if "merge" in mesh.entries else None,
         triangulate=mesh.yes("triangulate"),
         trust=trust,
+        cell=mesh.positive("cell_m") if sewn else None,
+        worn=path.parent / mesh.text("worn") if "worn" in mesh.entries else None,
         materials=made,
         kinematics=sheet.choice("kinematics", ("shell", "membrane")),
         element=element,
@@ -223,12 +250,13 @@ def read(path: str | Path, *, trust: bool = False) -> Scene:
         probes=probes,
         bodies=bodies,
         contact=touches,
+        dressing=dressing,
         dynamic=dynamic,
         turns=how.numbers("turns") if "turns" in how.entries else (1.0,),
         steps=how.count("steps", 10),
         smallest=smallest,
         end=end,
-        step=how.positive("step_ms", 5.0) * 1e-3,
+        step=how.positive("step_ms", 20.0 if dressing else 5.0) * 1e-3,
         rho=rho,
         damping=damping,
         colour=colour,
@@ -236,6 +264,19 @@ def read(path: str | Path, *, trust: bool = False) -> Scene:
         animation=output.yes("animation"),
         checkpoint=checkpoint,
     )
+
+
+def _may_dress(file: Table, sewn: bool) -> None:
+    """Refuse what cannot be dressed."""
+    if not sewn:
+        file.refuse("dressing", "is of a sewing pattern", "name one as the file of [mesh], or keep [statics]")
+    if "load" in file.entries:
+        file.refuse("load", "does not go with dressing, which ends at rest without it", "leave it out")
+    if "body" not in file.entries:
+        file.refuse("dressing", "has nothing to be dressed", "add a [[body]]")
+    for table in file.tables("body"):
+        if "mass_kg" in table.entries:
+            table.refuse("mass_kg", "lets a body move freely, which takes time", "leave it out while it is dressed")
 
 
 def _once(tables: list[Table], claims: list[list[tuple[str, str]]], reason: str, key: str = "at") -> None:
