@@ -159,9 +159,7 @@ def _displacement(space: Space) -> fem.FunctionSpace:
     return space.V.sub(0) if isinstance(space, ShellSpace) else space
 
 
-def _at(
-    domain: Domain, name: str, space: fem.FunctionSpace | tuple[fem.FunctionSpace, fem.FunctionSpace]
-) -> Any:
+def _at(domain: Domain, name: str, space: fem.FunctionSpace | tuple[fem.FunctionSpace, fem.FunctionSpace]) -> Any:
     """Local unknowns of a space, or of a subspace and its own, at all groups of a name."""
     topology, found = domain.mesh.topology, []
     for dim in domain.dims(name):
