@@ -10,6 +10,7 @@ QUICK = {
     "incline": "incline.py --slopes 0.2 0.4 --end 0.1",
     "capstan": "capstan.py --cells 30 --around 12 --steps 6 --angle 90",
     "stack": "stack.py --sheets 3 --cells 2 --end 0.25 --apart 1.5",
+    "fold": "fold.py --law svk --length 160 --width 20 --cells 32 --across 1 --step 10 --move 0.4 --end 0.35",
 }
 WHOLE = {
     "weft": "incline.py --friction 0.3 --weft 0.2 --along weft --static 1.2",
@@ -18,6 +19,7 @@ WHOLE = {
     "capstan": "capstan.py",
     "catenary": "capstan.py --catenary",
     "stack": "stack.py",
+    "fold": "fold.py",
     "tablecloth": "tablecloth.py --cells 10 --around 8 --end 1.3",
     "cusick": "cusick.py --contact --cell 20 --step 25 --around 6 --end 0.8",
 }
@@ -50,6 +52,13 @@ def test_capstan(demo, tmp_path):
 
 def test_stack(demo, tmp_path):
     run(demo, QUICK["stack"], tmp_path)
+    look(tmp_path / "deformed.png")
+
+
+def test_fold(demo, tmp_path):
+    run(demo, QUICK["fold"], tmp_path)
+    table = read(tmp_path / "history.csv")
+    assert table["loop_m"].max() > 0.05 and np.isfinite(table["least_gap_m"]).all()
     look(tmp_path / "deformed.png")
 
 
