@@ -59,8 +59,8 @@ The other rooms serve these: `surfaces.checking`, `surfaces.grouping` and `surfa
 `surfaces.importing`, `surfaces.gmsh_models`, `surfaces.geo_programs` (what a `.geo` may not do), `surfaces.abaqus`,
 `surfaces.abaqus_lines`, `surfaces.abaqus_parts` and `surfaces.polygon_files`; `shell.rotation` and `shell.dirichlet`
 the directors, `surfaces.placing` where a garment starts, `surfaces.outlines` its cells, `terms.kernels` and
-`terms.pairing` the stiffness, `solvers.tangent` the matrix, `solvers.stepper`, `solvers.step` and
-`solvers.stable_step` the motions, `contact.skin`, `contact.collisions`, `contact.surroundings`,
+`terms.pairing` the stiffness, `solvers.tangent` the matrix, `solvers.stepper`, `solvers.step`,
+`solvers.stable_step` and `solvers.drifting` the motions, `contact.skin`, `contact.collisions`, `contact.surroundings`,
 `contact.triangles`, `contact.points`, `contact.shapes`, `contact.gaps`, `contact.pairs`, `contact.barrier`,
 `contact.friction`, `contact.pressure`, `contact.free_body` and `contact.free_bodies` contact, `terms.extra` and
 `solvers.unknowns` unknowns beside a sheet's,
@@ -83,7 +83,7 @@ short, each ends in an exact check, and are meant to be copied and changed.
   are large against a sheet's cells are exact; all else needs the extra `contact`. Without it, boxes and cylinders touch
   points of a sheet, and triangles between these dip into their edges. Bodies with mass touch the sheet only, not each
   other; in statics there are none. Smoothed friction creeps. The pressure at a given gap varies with the mesh of a body
-  of triangles, by a factor of 6. Hard explicit impacts of free bodies do not keep energy: take implicit steps.
+  of triangles, by a factor of 6.
 - **Failure.** Yarns do not break, yield, creep or relax: stress depends on strain and on its past, not on time.
 - **Beyond the tests.** A fabric is known up to the largest strain of its tests. From there its curves go on along their
   tangents, and a warning says so once.

@@ -161,6 +161,17 @@ def test_a_led_body_that_is_held_back_stops_explicit_motion_and_passes_nothing()
     assert touch.least_gap() > 0.0 and not touch.crossed()
 
 
+def test_a_hard_explicit_drop_keeps_energy():
+    box = bodies.Box((0.1, 0.12, 0.05), (0.3, 0.3, 0.0275), (0.0, 0.0, 0.2), cells=2)
+    box.free(0.2, inertia="solid", velocity=(0, 0, -2.0))
+    _, touch, run, ledger = meeting([box], "explicit", itself=False)
+    for _ in run.march(5e-3, 2.5e-3):
+        assert touch.least_gap() > 0.0 and not touch.crossed()
+    t = ledger.totals
+    assert ledger.worst < 0.01 * ledger.most and touch.free.rates()[2] > -1.99
+    assert t["kinetic"] + t["recoverable"] == pytest.approx(t["external"], rel=0.01)
+
+
 @pytest.mark.parallel
 def test_ranks_do_not_change_the_answer():
     results = []

@@ -79,8 +79,8 @@ def test_the_tangent_of_friction_that_differs_is_exact_on_planes():
         forces.append(total[local])
     q[local] = start + place
     term.evaluate()
-    term._forces()
-    ((_, change),) = term._closed
+    near = touch._around.collisions
+    ((_, change),) = near.gaps.friction(near.x, touch._around.x0, term._length, term._coefficients, True)
     assert len(change) == len(touch.rest)
     assert np.einsum("ijk,ik->ij", change, way) == pytest.approx((forces[0] - forces[1]) / 2e-9, rel=1e-5, abs=1e-6)
 

@@ -50,7 +50,7 @@ FLOORS = [
             {"unknowns", "drag"},
             {"statics", "foreseen"},
             {"descent"},
-            {"step", "stable_step", "stepper"},
+            {"step", "stable_step", "stepper", "drifting"},
             {"newmark", "explicit"},
             {"energy"},
         ]

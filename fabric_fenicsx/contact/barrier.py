@@ -15,6 +15,7 @@ class Barrier(PairTerm):
     """
 
     symmetric = True
+    _masses: Array | None = None
 
     def _forces(self) -> Array:
         return self._around.collisions.gradient()
@@ -25,6 +26,12 @@ class Barrier(PairTerm):
     def longest_step(self, change: Array) -> float:
         """See `Term.longest_step`."""
         return self._around.free_part(change)
+
+    def fastest(self, mass: Array) -> float:
+        """See `Term.fastest`."""
+        if self._masses is None:
+            self._masses = self._skin.moved(mass)[:, 0]
+        return self._around.collisions.fastest(self._masses)
 
     def follow(self) -> bool:
         """See `Term.follow`."""

@@ -13,7 +13,7 @@ import numpy as np
 from ..errors import InputError
 from ..laws import Array
 from .bodies import Body, Capsule, Plane, Sphere
-from .gaps import Gaps
+from .gaps import Gaps, response
 from .points import parts
 
 MISSING = (
@@ -23,6 +23,8 @@ MISSING = (
 )
 SMOOTH = Plane, Sphere, Capsule
 """Bodies in closed form, always; others have sharp edges, and are of triangles where the toolkit is there."""
+PAIRS = 8.0
+"""Stiffness of all pairs of a node, as a part of that of a plane at the least of their gaps."""
 
 
 def toolkit() -> Any:
@@ -86,11 +88,11 @@ class Collisions:
 
     def _tie(self, kit: Any, rest: Array, faces: np.ndarray, solid: Sequence[Body], itself: bool) -> None:
         """Make the toolkit's surface, of the sheet and bodies of triangles."""
-        areas, places, triangles = _areas(rest, faces), [rest], [faces]
+        self._areas, places, triangles = _areas(rest, faces), [rest], [faces]
         for body, corners in zip(solid, self.corners, strict=False):
             # the toolkit weighs pairs by areas at rest, also by those of bodies, which are none of a pressure on the
             # sheet: a body's are at most as large as the sheet's
-            shrunk = min(1.0, np.sqrt(areas.mean() / _areas(body.rest, body.faces).mean()))
+            shrunk = min(1.0, np.sqrt(self._areas.mean() / _areas(body.rest, body.faces).mean()))
             places.append(shrunk * body.rest)
             triangles.append(body.faces + corners.start)
         every = np.asfortranarray(np.concatenate(triangles).astype(np.int32))
@@ -104,9 +106,9 @@ class Collisions:
         self.barrier = kit.BarrierPotential(kit.ClampedLogBarrier(), self.reach, self.stiffness, True)
         self._broad, self._narrow = kit.LBVH(), kit.AdditiveCCD()
         self.set = self._empty()
-        self._allowed = 2 * self.reach
-        """How far a corner may go before pairs that are near are looked for again, m."""
-        self._near, self._about = kit.Candidates(), np.full((self._solid, 3), np.inf)
+        self._allowed = max(2 * self.reach, 0.1 * float(np.sqrt(self._areas.mean())))
+        """How far a corner may go before pairs that are near are looked for again, m; large cells have few."""
+        self._near, self._about = kit.Candidates(), np.full((self._solid, 3), np.nan)
 
     def _empty(self) -> Any:
         found = self.kit.NormalCollisions()
@@ -117,7 +119,7 @@ class Collisions:
     def at(self, x: Array) -> Any:
         """The pairs of corners in these places (n, 3)."""
         found, near, x = self._empty(), self._near, np.asfortranarray(x[: self._solid])
-        if not np.linalg.norm(x - self._about, axis=1).max() < self._allowed:
+        if not self._far(x) < self._allowed:
             near = self.kit.Candidates()
             near.build(self.mesh, x, (self.reach + self.offset) / 2, self._broad)
         found.build(near, self.mesh, x, self.reach, self.offset)
@@ -142,7 +144,7 @@ class Collisions:
         if self.kit is None:
             return True
         # a broad phase costs as much as all the rest: its pairs are of a wider reach, good until a corner has left it
-        if not np.linalg.norm(self.met - self._about, axis=1).max() < self._allowed:
+        if not self._far(self.met) < self._allowed:
             self._about = self.met
             self._near.build(self.mesh, self.met, self._allowed + (self.reach + self.offset) / 2, self._broad)
         self.set.build(self._near, self.mesh, self.met, self.reach, self.offset)
@@ -185,15 +187,33 @@ class Collisions:
             return np.inf
         return float(np.sqrt(self.set.compute_minimum_distance(self.mesh, self.met))) - self.offset
 
+    def fastest(self, masses: Array) -> float:
+        """A bound of the largest stiffness over the mass of a node, 1/s2: of pairs, as if all were the nearest one."""
+        fastest, gap = self.gaps.fastest(masses), max(self._apart(), 1e-12)
+        if gap < self.reach:
+            slope = PAIRS * -response(gap / self.reach)[2] * self.stiffness / self.reach
+            fastest = max(fastest, float((slope * self._areas / masses).max()))
+        return fastest
+
     def pairs(self) -> Iterator[tuple[Any, np.ndarray]]:
         """What is within reach: each pair, and the numbers of its corners."""
         for k in range(len(self.set)):
             pair = self.set[k]
             yield pair, np.array(pair.vertex_ids(self.edges, self.faces)[: pair.num_vertices()])
 
+    def _apart_from_all(self, way: Array) -> Array:
+        """Of a way of all corners, what is not common to all."""
+        return way - way.mean(axis=0)
+
+    def _far(self, x: Array) -> float:
+        """How far from where pairs were looked for, m; what all go together does not count."""
+        way = self._apart_from_all(x - self._about)
+        return float(np.sqrt(np.einsum("ij,ij->i", way, way).max()))
+
     def _cannot_meet(self, moved: Array) -> bool:
         """Whether nothing that is near can meet on a way of all corners as short as this."""
         gap = min(self.reach, self._apart())
+        moved = self._apart_from_all(moved)
         squares = np.einsum("ij,ij->i", moved, moved)
         # two corners of the sheet may close in on each other, those of bodies do not
         most = np.sqrt(squares[: self.count].max()), np.sqrt(squares[self.count :].max(initial=0.0))
@@ -211,16 +231,16 @@ class Collisions:
         At its end all distances are still above the offset, if they are at its start: by continuous detection, additive
         since the toolkit's other one may take minutes.
         """
-        part = self.gaps.free_part(x0, x1)
+        here = np.array_equal(x0, self.x)
+        part = self.gaps.free_part(x0, x1, here)
         if self.kit is None:
             return part
-        here = np.array_equal(x0, self.x)
         x0, x1 = x0[: self._solid], x1[: self._solid]
         x0, x1 = np.asfortranarray(x0), np.asfortranarray(x0 + part * (x1 - x0))
         moved = x1 - x0
         if here and self._cannot_meet(moved):
             return part
-        if max(np.linalg.norm(x - self._about, axis=1).max() for x in (x0, x1)) < self._allowed:
+        if max(map(self._far, (x0, x1))) < self._allowed:
             swept = self._near
         else:
             swept = self.kit.Candidates()

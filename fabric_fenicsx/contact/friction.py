@@ -51,8 +51,8 @@ class Friction(PairTerm):
                 if not self._coefficients.uniform:
                     self._orient()
                 force[: len(near.met)] = -self._law.force(*self._arguments()).reshape(-1, 3)
-            self._closed = near.gaps.friction(near.x, x0, self._length, self._coefficients)
-            near.gaps.add([push for push, _ in self._closed], force)
+            closed = near.gaps.friction(near.x, x0, self._length, self._coefficients, False)
+            near.gaps.add([push for push, _ in closed], force)
             self._force = force
         return self._force
 
@@ -84,7 +84,8 @@ class Friction(PairTerm):
     def _matrices(self) -> list[Any]:
         self._forces()
         near = self._around.collisions
-        every = zip(near.gaps.near, self._closed, strict=True)
+        closed = near.gaps.friction(near.x, self._around.x0, self._length, self._coefficients, True)
+        every = zip(near.gaps.near, closed, strict=True)
         found = [one.blocks(change, near.x.size) for one, (_, change) in every if len(change)]
         if len(near.set):
             *first, offset = self._arguments()

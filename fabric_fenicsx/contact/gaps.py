@@ -9,6 +9,7 @@ over the reach r, y = g/r:
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 import scipy.sparse
@@ -21,6 +22,13 @@ from .points import Grid
 from .shapes import Pose, Shape
 
 HALF = np.log(2.0) + 0.5
+
+
+def response(y: Any) -> tuple[Any, Any, Any]:
+    """Of a gap as a part y of the reach: energy over k r, p/k, and its derivative by y."""
+    with np.errstate(invalid="ignore", divide="ignore"):
+        log, z = np.log(y), y - 1.0
+        return -(z**2) * log / HALF, (2 * z * log + z**2 / y) / HALF, (2 * log + 4 * z / y - (z / y) ** 2) / HALF
 
 
 @dataclass
@@ -37,10 +45,6 @@ class Near:
     reach: float
     stiffness: float
 
-    @property
-    def _scale(self) -> Array:
-        return np.asarray(self.stiffness * self.grid.areas[self.points] / HALF)
-
     @cached_property
     def matrix(self) -> scipy.sparse.csr_array:
         """Shares of nodes in these points."""
@@ -51,25 +55,25 @@ class Near:
         """Second derivatives of the gaps (k, 3, 3)."""
         return np.asarray(self.shape.distances(self.x, self.pose, True)[2])
 
+    @cached_property
+    def _responses(self) -> tuple[Array, Array, Array]:
+        energy, force, slope = response(self.gaps / self.reach)
+        scale = self.stiffness * self.grid.areas[self.points]
+        return scale * self.reach * energy, scale * force, scale / self.reach * slope
+
     def energy(self) -> float:
         """J."""
-        y = self.gaps / self.reach
-        with np.errstate(invalid="ignore", divide="ignore"):
-            return float(np.sum(-self._scale * self.reach * (y - 1.0) ** 2 * np.log(y)))
+        return float(self._responses[0].sum())
 
-    @cached_property
+    @property
     def force(self) -> Array:
         """Of each point, N, and none below zero."""
-        y = self.gaps / self.reach
-        with np.errstate(invalid="ignore", divide="ignore"):
-            return np.asarray(self._scale * (2 * (y - 1.0) * np.log(y) + (y - 1.0) ** 2 / y))
+        return self._responses[1]
 
-    @cached_property
+    @property
     def slope(self) -> Array:
         """Its derivative by the gap, N/m."""
-        y = self.gaps / self.reach
-        with np.errstate(invalid="ignore", divide="ignore"):
-            return np.asarray(self._scale / self.reach * (2 * np.log(y) + 4 * (y - 1.0) / y - (1.0 - 1.0 / y) ** 2))
+        return self._responses[2]
 
     def hessian(self) -> Array:
         """Of the energy by each point (k, 3, 3), N/m."""
@@ -88,9 +92,9 @@ class Near:
         return scipy.sparse.coo_array((entries.ravel(), (rows.ravel(), columns.ravel())), shape=(size, size))
 
     def friction(
-        self, x0: Array, way: Array, length: float, coefficients: Coefficients, x: Array
+        self, x0: Array, way: Array, length: float, coefficients: Coefficients, x: Array, tangent: bool
     ) -> tuple[Array, Array]:
-        """On points (k, 3), as of a residual, and their derivatives (k, 3, 3).
+        """On points (k, 3), as of a residual, and their derivatives (k, 3, 3), none without `tangent`.
 
         x0: the nodes at the last commit; way: of the body's corners since then; length: see `coulomb`; x: the nodes.
         """
@@ -98,25 +102,24 @@ class Near:
         went, by_x = self.shape.carried(self.x, self.pose, way)
         slid = self.x - self.matrix @ x0 - went
         off = np.einsum("ki,ki->k", slid, n)
-        flat = np.eye(3) - n[:, :, None] * n[:, None, :]
-        turns = (
-            off[:, None, None] * self.curvature + n[:, :, None] * np.einsum("ki,kij->kj", slid, self.curvature)[:, None]
-        )
-        slid = slid - off[:, None] * n
-        by_place = flat @ (np.eye(3) - by_x) - turns
-        size, main = np.linalg.norm(slid, axis=1), self.grid.nodes[self.points, 0]
-        mu, rise = coefficients.along(main, slid, x)
+        along = slid - off[:, None] * n
+        size, main = np.linalg.norm(along, axis=1), self.grid.nodes[self.points, 0]
+        mu, rise = coefficients.along(main, along, x)
         h, bend = coulomb(size, length, *mu)
-        change = (self.slope * h)[:, None, None] * slid[:, :, None] * n[:, None, :]
-        along = np.einsum("ki,kij->kj", slid, by_place)
-        change += force[:, None, None] * (
-            h[:, None, None] * by_place + (bend[:, None] * slid)[:, :, None] * along[:, None]
-        )
+        if not tangent:
+            return (force * h)[:, None] * along, np.empty((0, 3, 3))
+        flat = np.eye(3) - n[:, :, None] * n[:, None, :]
+        turns = off[:, None, None] * self.curvature
+        turns = turns + n[:, :, None] * np.einsum("ki,kij->kj", slid, self.curvature)[:, None]
+        by_place = flat @ (np.eye(3) - by_x) - turns
+        change = (self.slope * h)[:, None, None] * along[:, :, None] * n[:, None, :]
+        pulled = (bend[:, None] * along)[:, :, None] * np.einsum("ki,kij->kj", along, by_place)[:, None]
+        change += force[:, None, None] * (h[:, None, None] * by_place + pulled)
         if not coefficients.uniform:
             each = np.stack([coulomb(size, length, 1.0, 0.0)[0], coulomb(size, length, 0.0, 1.0)[0]])
             turned = np.einsum("sk,skc,kcd->kd", force * each, rise, flat)
-            change += slid[:, :, None] * turned[:, None, :]
-        return (force * h)[:, None] * slid, change
+            change += along[:, :, None] * turned[:, None, :]
+        return (force * h)[:, None] * along, change
 
     def lagged(self, x: Array, way: Array, length: float, mu: float) -> tuple[float, Array, Array]:
         """Friction at the present pressure along the present surface, once nodes are at x and corners went their way.
@@ -171,20 +174,23 @@ class Gaps:
 
     def place(self, x: Array) -> None:
         """Take all places x for the present ones."""
-        self.near = self.look(x)
+        self._seen = [self._looked(k, x) for k in range(len(self._shapes))]
+        self.near = [self._near(k, *seen) for k, seen in enumerate(self._seen)]
 
     def look(self, x: Array) -> list[Near]:
         """For each body, what it presses on at all places x."""
-        every = []
-        for k, (shape, corners) in enumerate(zip(self._shapes, self._corners, strict=True)):
-            pose = shape.pose(x[corners])
-            points, places = self._candidates(k, x, pose)
-            size, normals, _ = shape.distances(places, pose)
-            gaps = size - self._offset
-            near = np.flatnonzero(gaps < self._reach)
-            found = points[near], places[near], gaps[near], normals[near]
-            every.append(Near(shape, pose, self._grids[k], *found, self._reach, self._stiffness))
-        return every
+        return [self._near(k, *self._looked(k, x)) for k in range(len(self._shapes))]
+
+    def _looked(self, k: int, x: Array) -> tuple[Pose, np.ndarray, Array, Array, Array]:
+        pose = self._shapes[k].pose(x[self._corners[k]])
+        points, places = self._candidates(k, x, pose)
+        size, normals, _ = self._shapes[k].distances(places, pose)
+        return pose, points, places, size - self._offset, normals
+
+    def _near(self, k: int, pose: Pose, points: np.ndarray, x: Array, gaps: Array, normals: Array) -> Near:
+        near = np.flatnonzero(gaps < self._reach)
+        found = points[near], x[near], gaps[near], normals[near]
+        return Near(self._shapes[k], pose, self._grids[k], *found, self._reach, self._stiffness)
 
     def least(self) -> float:
         """Least gap, m; infinite where nothing is within reach."""
@@ -205,11 +211,18 @@ class Gaps:
         """Derivative of the energy by the points of each body, N."""
         return [-near.force[:, None] * near.normals for near in self.near]
 
-    def friction(self, x: Array, x0: Array, length: float, coefficients: Coefficients) -> list[tuple[Array, Array]]:
+    def fastest(self, masses: Array) -> float:
+        """The largest stiffness over the mass of a node, 1/s2."""
+        every = (near.matrix.T @ np.abs(near.slope) / masses for near in self.near if len(near.points))
+        return float(max((rates.max() for rates in every), default=0.0))
+
+    def friction(
+        self, x: Array, x0: Array, length: float, coefficients: Coefficients, tangent: bool
+    ) -> list[tuple[Array, Array]]:
         """Of each body, see `Near.friction`; x, x0: all places now and at the last commit."""
         n = self._count
         return [
-            near.friction(x0[:n], x[part] - x0[part], length, coefficients, x[:n])
+            near.friction(x0[:n], x[part] - x0[part], length, coefficients, x[:n], tangent)
             for near, part in zip(self.near, self._corners, strict=True)
         ]
 
@@ -220,27 +233,31 @@ class Gaps:
         n, every = self._count, zip(start, self._corners, strict=True)
         return [near.lagged(x[:n], x[part] - x0[part], length, mu) for near, part in every]
 
-    def free_part(self, x0: Array, x1: Array) -> float:
+    def free_part(self, x0: Array, x1: Array, here: bool = False) -> float:
         """The part of the straight way from x0 to x1, up to 1, at whose end no gap is less than a tenth of its start.
 
         A distance from what is convex is a convex function along a straight way: Newton's method comes from below.
+        here: whether x0 are the present places.
         """
         part = 1.0
         for k, (shape, corners) in enumerate(zip(self._shapes, self._corners, strict=True)):
             a, b = x0[: self._count], x1[: self._count]
             poses, grid = (shape.pose(x0[corners]), shape.pose(x1[corners])), self._grids[k]
-            moved = _most(b - a) + _most(x1[corners] - x0[corners])
-            gaps = shape.distances(a, poses[0])[0] - self._offset
-            close = gaps < moved + (1.2 * grid.edge if len(grid.areas) > len(a) else 0.0)
-            if not close.any():
+            moved, rest = _most(b - a) + _most(x1[corners] - x0[corners]), len(grid.areas) == len(a)
+            if here and (rest or moved < self._reach):
+                gaps, points = self._seen[k][3], self._seen[k][1]
+                rows = points[gaps < moved]
+            else:
+                gaps = shape.distances(a, poses[0])[0] - self._offset
+                rows = np.flatnonzero((gaps < moved + (0.0 if rest else 1.2 * grid.edge))[grid.nodes[:, 0]])
+            if not len(rows):
                 continue
-            rows = np.flatnonzero(close[grid.nodes[:, 0]])
             matrix = grid.matrix[rows]
             y0, y1 = (shape.own(matrix @ x, pose) for x, pose in zip((a, b), poses, strict=True))
             part = min(part, _free(shape, y0, y1 - y0, self._offset))
             turn = float(np.linalg.norm(poses[1][2] - poses[0][2]))
             if turn > 1e-12:  # ways are not straight in the frame of what turns
-                gap, size = gaps[close].min(), float(np.linalg.norm(y0, axis=1).max())
+                gap, size = gaps.min(), float(np.linalg.norm(y0, axis=1).max())
                 part = min(part, 0.5 * np.sqrt(max(gap, 0.0) / size) / turn)
         return float(part)
 

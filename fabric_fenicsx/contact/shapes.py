@@ -26,6 +26,7 @@ class Shape:
         self.body, self._frame, self.radius = body, np.eye(3), 0.0
         self._arms = body.rest - body.rest.mean(axis=0)
         self._inverse = np.linalg.pinv(self._arms)
+        self._last: tuple[Array, Pose] | None = None
         match body:
             case Plane():
                 self.curved, self._size = np.inf, np.zeros(3)
@@ -39,6 +40,11 @@ class Shape:
 
     def pose(self, corners: Array) -> Pose:
         """Of its corners; of a rigid motion on the way between two poses, the nearest one."""
+        if self._last is None or not np.array_equal(corners, self._last[0]):
+            self._last = corners.copy(), self._found(corners)
+        return self._last[1]
+
+    def _found(self, corners: Array) -> Pose:
         middle = corners.mean(axis=0)
         if isinstance(self.body, Plane):
             return middle, np.eye(3), self._frame

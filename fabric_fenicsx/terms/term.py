@@ -78,6 +78,11 @@ class Term:
         """The part of a change of q (local array) that may be taken at most, on this rank; up to 1."""
         return 1.0
 
+    def fastest(self, mass: Array) -> float:
+        """The most by which its present stiffness, over a mass of each unknown (local array), raises the square of a
+        frequency, 1/s2, on this rank; what `stiffest` has told apart."""
+        return 0.0
+
     def prepare(self, dt: float) -> None:
         """Before a time step of dt (s)."""
 

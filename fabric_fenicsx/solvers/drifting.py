@@ -1,0 +1,34 @@
+"""Displacements and directors over an explicit step."""
+
+import math
+
+import numba
+
+
+@numba.njit(cache=True, error_model="numpy")
+def drift(q, v, displacements, directors, dt):
+    """Move q by a step of v, directors on their sphere; their velocity is carried along."""
+    for i in displacements:
+        q[i] += dt * v[i]
+    for node in directors:
+        square = 0.0
+        for i in node:
+            square += (dt * v[i]) ** 2
+        angle = math.sqrt(square)
+        c, s = math.cos(angle), math.sin(angle) / angle if angle > 1e-4 else 1.0 - square / 6
+        for i in node:
+            d, turn = q[i], dt * v[i]
+            q[i] = c * d + s * turn
+            v[i] = (c * turn - square * s * d) / dt
+
+
+@numba.njit(cache=True, error_model="numpy")
+def lay(values, q, directors):
+    """Take from values what is along the directors of q."""
+    for node in directors:
+        along = size = 0.0
+        for i in node:
+            along += values[i] * q[i]
+            size += q[i] * q[i]
+        for i in node:
+            values[i] -= along / size * q[i]
