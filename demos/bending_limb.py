@@ -213,7 +213,7 @@ def play(limb, joint, args, comm):
 def _good(table):
     work, released = table.column("work_J"), table.column("released_J")
     most = np.abs(work).max()
-    paid = measures.work(table.column("angle_deg"), table.column("moment_Nm"))
+    paid = measures.work(table.column("angle_deg"), table.column("moment_Nm")) + table.column("onset_J")
     agree = np.abs(paid - work).max() <= 0.01 * most
     return bool(not table.column("crossed").any() and released.min() >= -0.01 * most and agree)
 
@@ -223,7 +223,7 @@ def _say(name, table, joint):
     k, last = int(angle.argmax()), table.rows[-1]
     lost = ", ".join(f"{1e3 * last[f'{key}_J']:.2f} mJ {what}" for key, what in
                      (("dissipated", "by the law"), ("friction", "by friction"), ("released", "in snaps")))  # fmt: skip
-    paid = measures.work(angle, moment)
+    paid = measures.work(angle, moment) + table.column("onset_J")
     command.say(
         f"{name}: {joint} to {angle[k]:.0f} degrees: moment {1e3 * moment[k]:.1f} mN m, largest "
         f"{1e3 * moment.max():.1f} at {angle[moment.argmax()]:.0f}; work {1e3 * work[k]:.2f} mJ there (moment over the "

@@ -39,24 +39,25 @@ class Effort:
         effort = Effort(touch, solver)
         for step in march(solver, arm.at, times): effort.step()
 
-    Supports are to rest. Public: `work` of those who lead the bodies, J, by the mean of the pressures at both ends of
-    a step, and by the friction at its end, which does not begin at nothing; `work_on`, of each body; `stored` since the
-    start, in cloth and contact; `by_law` and `by_friction`, what these took; `released`, the rest: what the sheet gave
-    up where it snapped from one balance to another, and the error of finite steps.
+    Supports are to rest. Public: `work` of those who lead the bodies, J; `work_on`, of each body, by the mean of the
+    forces at both ends of a step, to which `work` adds `onset`, what friction takes at once where it sets in; `stored`
+    since the start, in cloth and contact; `by_law` and `by_friction`, what these took; `released`, the rest: what the
+    sheet gave up where it snapped from one balance to another, and the error of finite steps.
     """
 
     def __init__(self, touch: Contact, solver: StaticSolver) -> None:
         self._touch, self._solver = touch, solver
         self.work_on = [0.0] * len(touch.bodies)
         self.stored, self.by_law, self.by_friction, self._start = 0.0, 0.0, 0.0, (0.0, 0.0)
+        self.onset = 0.0
         self._last: list[tuple[Array, Array, Array]] = []
 
     def _look(self) -> list[tuple[Array, Array, Array]]:
-        """Pressure and friction on all bodies, and where they act."""
+        """Of each body, and last of the sheet: forces, friction in them, and where they act."""
         touch, found = self._touch, []
-        for body in touch.bodies:
-            pressed = touch.forces(body, friction=False)
-            found.append((pressed, touch.forces(body) - pressed, touch.places(body)))
+        for body in [*touch.bodies, None]:
+            forces, x = touch.forces(body), touch.nodes() if body is None else touch.places(body)
+            found.append((forces, forces - touch.forces(body, friction=False), x))
         return found
 
     def _energy(self) -> float:
@@ -67,21 +68,26 @@ class Effort:
         """After a step; the first one is that to the state from which on it counts."""
         now, comm = self._look(), self._solver.comm
         laws = [term for term in self._solver.terms if term.loses == "law"]
-        for k, ((f0, _, x0), (f1, rubbed, x1)) in enumerate(zip(self._last, now, strict=bool(self._last))):
-            self.work_on[k] -= float(np.sum(((f0 + f1) / 2 + rubbed) * (x1 - x0)))
+        meant = 0.0  # what friction has taken, by its mean
+        for k, ((f0, rubbed0, x0), (f1, rubbed1, x1)) in enumerate(zip(self._last, now, strict=bool(self._last))):
+            meant -= float(np.sum((rubbed0 + rubbed1) * (x1 - x0)) / 2)
+            if k < len(self.work_on):
+                self.work_on[k] -= float(np.sum((f0 + f1) * (x1 - x0)) / 2)
         taken = comm.allreduce(sum(term.dissipated() for term in laws))
         for term in laws:
             term.watch()
         energy, friction = self._energy(), self._touch.lost()
         if not self._last:
             self._start, taken = (energy, friction), 0.0
+        else:
+            self.onset += friction - self._start[1] - self.by_friction - meant
         self._last, self.stored, self.by_friction = now, energy - self._start[0], friction - self._start[1]
         self.by_law += taken
 
     @property
     def work(self) -> float:
         """Of all bodies."""
-        return sum(self.work_on)
+        return sum(self.work_on) + self.onset
 
     @property
     def released(self) -> float:
@@ -91,7 +97,7 @@ class Effort:
     def row(self) -> dict[str, float]:
         """Columns of a history, beside the friction_J of a `Recorder`."""
         work = {"work_J": self.work, "stored_J": self.stored, "dissipated_J": self.by_law}
-        return {**work, "released_J": self.released}
+        return {**work, "onset_J": self.onset, "released_J": self.released}
 
 
 def work(degrees: Sequence[float] | Array, moments: Sequence[float] | Array) -> Array:
