@@ -47,6 +47,7 @@ Rooms, in the order in which a scene goes through them, and their names; each ro
 - `garments.panels`: of a pattern: `Panel`, `Edge`, `Flat`, `Rolled`; `garments.sewing`: `sew`, `Seam`, `Garment`
 - `garments.dressing`: onto the body, and from there on: `Dressing`, `worn`
 - `garments.limbs`: who wears it: `arm`, `leg`; `garments.hips`: `hips`
+- `garments.measures`: what it does to the wearer: `Effort`, `Slip`, `pressed`, `skin_strain`, `cloth_strain`, `work`
 - `output.results`: histories: `folder`, `Table`, `Average`, `on_root`; `output.fields`: for ParaView: `Fields`
 - `output.pictures`: a sheet: `picture`; `output.solids`: bodies in it: `drawn`
 - `output.series`: from its fields, and films: `Series`
@@ -65,7 +66,7 @@ the directors, `surfaces.placing` where a garment starts, `surfaces.outlines` it
 `contact.friction`, `contact.pressure`, `contact.free_body` and `contact.free_bodies` contact, `terms.extra` and
 `solvers.unknowns` unknowns beside a sheet's,
 `garments.patterns`, `garments.dxf`, `garments.garmentcode` and `garments.outlines` patterns from files,
-`garments.limb` and `garments.measures` the wearer, `solvers.leading` what leads,
+`garments.limb` the wearer, `solvers.leading` what leads,
 `solvers.held`, `solvers.zero_energy` and `solvers.drag` statics, `solvers.redundant` several ranks,
 `solvers.reactions` and `solvers.failures` all of
 them, `entries` the TOML files, `compiling` the forms that are compiled once and kept,

@@ -101,7 +101,7 @@ class Effort:
 
 
 def work(degrees: Sequence[float] | Array, moments: Sequence[float] | Array) -> Array:
-    """Work of a moment (N m) over its angle up to each of these moments, J; by trapezoids."""
+    """Work of moments (N m) over their angles in degrees, up to each of them, J; by trapezoids."""
     angle, M = np.radians(degrees), np.asarray(moments, dtype=float)
     if angle.shape != M.shape or angle.ndim != 1:
         raise InputError(f"There are {angle.size} angles for {M.size} moments; give one each.")
@@ -119,7 +119,7 @@ class Pressed:
 
 
 def pressed(pressure: Array, places: Array, faces: np.ndarray) -> Pressed:
-    """Of a pressure at the corners of a skin, see `Contact.pressure`; each counts with its share of the triangles."""
+    """Of a pressure at the places (n, 3), m, of a skin's corners, see `Contact.pressure`; faces: (m, 3)."""
     share = np.bincount(faces.ravel(), np.repeat(_areas(places, faces) / 3, 3), minlength=len(places))
     on = pressure > 0.0
     area, force = float(share[on].sum()), float((share * pressure)[on].sum())
@@ -127,7 +127,7 @@ def pressed(pressure: Array, places: Array, faces: np.ndarray) -> Pressed:
 
 
 def skin_strain(rest: Array, now: Array, faces: np.ndarray) -> Array:
-    """Principal Green strains of each triangle of a skin (m, 2), the larger first."""
+    """Principal Green strains (m, 2), the larger first, of a skin's faces (m, 3); rest, now: its corners (n, 3), m."""
     metric = []
     for x in (rest, now):
         a, b = x[faces[:, 1]] - x[faces[:, 0]], x[faces[:, 2]] - x[faces[:, 0]]
@@ -137,7 +137,7 @@ def skin_strain(rest: Array, now: Array, faces: np.ndarray) -> Array:
 
 
 def cloth_strain(strain: Array) -> Array:
-    """Principal Green strains (n, 2) from E11, E22, 2 E12 of cells, the larger first."""
+    """Principal Green strains (n, 2), the larger first, from the strain of cells: E11, E22, 2 E12."""
     mean, half = (strain[:, 0] + strain[:, 1]) / 2, (strain[:, 0] - strain[:, 1]) / 2
     radius = np.hypot(half, strain[:, 2] / 2)
     return np.stack([mean + radius, mean - radius], axis=1)
