@@ -11,6 +11,7 @@ QUICK = {
     "capstan": "capstan.py --cells 30 --around 12 --steps 6 --angle 90",
     "stack": "stack.py --sheets 3 --cells 2 --end 0.25 --apart 1.5",
     "fold": "fold.py --law svk --length 160 --width 20 --cells 32 --across 1 --step 10 --move 0.4 --end 0.35",
+    "skirt": "skirt.py --cell 100 --skin 60 --law svk --step 20 --settle 0.3 --end 0.4",
 }
 WHOLE = {
     "weft": "incline.py --friction 0.3 --weft 0.2 --along weft --static 1.2",
@@ -21,6 +22,7 @@ WHOLE = {
     "stack": "stack.py",
     "fold": "fold.py",
     "tablecloth": "tablecloth.py --cells 10 --around 8 --end 1.3",
+    "skirt": "skirt.py --cell 80",
     "cusick": "cusick.py --contact --cell 20 --step 25 --around 6 --end 0.8",
 }
 
@@ -59,6 +61,14 @@ def test_fold(demo, tmp_path):
     run(demo, QUICK["fold"], tmp_path)
     table = read(tmp_path / "history.csv")
     assert table["loop_m"].max() > 0.05 and np.isfinite(table["least_gap_m"]).all()
+    look(tmp_path / "deformed.png")
+
+
+def test_skirt(demo, tmp_path):
+    said = run(demo, QUICK["skirt"], tmp_path)
+    assert "dressed in" in said and "folds of a hem" in said and (tmp_path / "worn.npz").exists()
+    table = read(tmp_path / "history.csv")
+    assert (table["crossed"] == 0).all() and (table["hem_outer_m"] > table["hem_inner_m"]).all()
     look(tmp_path / "deformed.png")
 
 
