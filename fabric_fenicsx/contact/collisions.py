@@ -15,6 +15,7 @@ from ..laws import Array
 from .bodies import Body, Capsule, Plane, Sphere
 from .gaps import Gaps, response
 from .points import parts
+from .triangles import areas_of_corners, edges
 
 MISSING = (
     "This contact needs the IPC Toolkit: pip install 'fabric_fenicsx[contact]', or pip install ipctk==1.6.0. Without "
@@ -64,7 +65,7 @@ class Collisions:
         stiffness: float,
     ) -> None:
         self.count, self.offset, self.reach, self.stiffness = len(rest), offset, reach, stiffness
-        edge = float(np.linalg.norm(rest[faces] - rest[np.roll(faces, 1, axis=1)], axis=2).max())
+        edge = float(edges(rest, faces).max())
         counts = [parts(body, edge, offset) for body in bodies]
         kit = toolkit() if itself or not all(isinstance(body, SMOOTH) for body in bodies) or not all(counts) else None
         if kit is None and (itself or not all(counts)):
@@ -88,11 +89,11 @@ class Collisions:
 
     def _tie(self, kit: Any, rest: Array, faces: np.ndarray, solid: Sequence[Body], itself: bool) -> None:
         """Make the toolkit's surface, of the sheet and bodies of triangles."""
-        self._areas, places, triangles = _areas(rest, faces), [rest], [faces]
+        self._areas, places, triangles = areas_of_corners(rest, faces), [rest], [faces]
         for body, corners in zip(solid, self.corners, strict=False):
             # the toolkit weighs pairs by areas at rest, also by those of bodies, which are none of a pressure on the
             # sheet: a body's are at most as large as the sheet's
-            shrunk = min(1.0, np.sqrt(self._areas.mean() / _areas(body.rest, body.faces).mean()))
+            shrunk = min(1.0, np.sqrt(self._areas.mean() / areas_of_corners(body.rest, body.faces).mean()))
             places.append(shrunk * body.rest)
             triangles.append(body.faces + corners.start)
         every = np.asfortranarray(np.concatenate(triangles).astype(np.int32))
@@ -248,10 +249,3 @@ class Collisions:
         if len(swept):
             part *= swept.compute_collision_free_stepsize(self.mesh, x0, x1, self.offset, self._narrow)
         return part
-
-
-def _areas(x: Array, faces: np.ndarray) -> Array:
-    """Area that belongs to each corner, m2."""
-    a, b, c = x[faces[:, 0]], x[faces[:, 1]], x[faces[:, 2]]
-    third = np.linalg.norm(np.cross(b - a, c - a), axis=1) / 6
-    return np.bincount(faces.ravel(), np.repeat(third, 3), minlength=len(x))

@@ -17,6 +17,7 @@ from .friction import Friction, Lagged
 from .pressure import pressures
 from .skin import Skin
 from .surroundings import Surroundings
+from .triangles import edges
 
 DENSITY = 500.0
 """kg/m3, of a fabric whose mass is not told."""
@@ -71,7 +72,7 @@ class Contact:
     ) -> None:
         self.bodies, skin = list(bodies), Skin(sheet)
         self.rest = skin.rest
-        edge = _shortest_edge(skin.rest, skin.faces)
+        edge = float(edges(skin.rest, skin.faces).min())
         thickness = max(float(material.thickness) for material in sheet.materials.values())
         self.offset = thickness if offset is None else offset
         self.reach = min(5 * thickness, 0.1 * edge) if reach is None else reach
@@ -233,8 +234,3 @@ def _stopping(sheet: Sheet, x: Array, bodies: Sequence[Body], reach: float) -> f
     sizes = [float(np.ptp(body.rest, axis=0).prod()) for body in free]
     parts = [10 * energy / max(size, 1e-9) for energy, size in zip(energies, sizes, strict=True)]
     return float(max([max(map(float, masses)) * fall / reach, *parts]))
-
-
-def _shortest_edge(x: Array, faces: np.ndarray) -> float:
-    ends = faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
-    return float(np.linalg.norm(x[ends[:, 0]] - x[ends[:, 1]], axis=1).min())

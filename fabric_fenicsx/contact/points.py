@@ -9,6 +9,7 @@ import scipy.sparse
 
 from ..laws import Array
 from .bodies import Body, Box, Capsule, Cylinder, Plane, Sphere
+from .triangles import areas, edges
 
 MOST, SHARP = 16, 8
 """Parts of an edge between points: at most, and where a body has sharp edges."""
@@ -41,8 +42,7 @@ class Grid:
         small = [[(a, b, c), (a - 1, b + 1, c), (a - 1, b, c + 1)] for a, b, c in inner if a > 0]
         small += [[(a, b, c), (a - 1, b + 1, c), (a, b + 1, c - 1)] for a, b, c in inner if a > 0 and c > 0]
         weights = np.bincount([number[point] for triangle in small for point in triangle], minlength=len(inner))
-        a, b, c = rest[faces].transpose(1, 0, 2)
-        third = np.linalg.norm(np.cross(b - a, c - a), axis=1) / 6 / n**2
+        third = areas(rest, faces) / 3 / n**2
         # the same point of two triangles is one: nodes and shares tell, none of a node without a share
         shares = np.tile(inner, (len(faces), 1))
         nodes = np.where(shares > 0, np.repeat(faces, len(inner), axis=0), -1)
@@ -54,5 +54,5 @@ class Grid:
         rows = np.repeat(np.arange(len(keys)), 3)
         entries = self.shares.ravel(), (rows, self.nodes.ravel())
         self.matrix = scipy.sparse.csr_array(entries, shape=(len(keys), len(rest)))
-        self.apart = float(np.linalg.norm(rest[faces] - rest[np.roll(faces, 1, axis=1)], axis=2).max()) / n
+        self.apart = float(edges(rest, faces).max()) / n
         self.edge = n * self.apart

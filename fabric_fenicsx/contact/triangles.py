@@ -1,8 +1,24 @@
-"""Triangles of simple bodies."""
+"""Triangles: of simple bodies, their areas and edges."""
 
 import numpy as np
 
 from ..laws import Array
+
+
+def areas(x: Array, faces: np.ndarray) -> Array:
+    """Of triangles (m, 3) of corners (n, 3) in m: (m,), m2."""
+    a, b, c = x[faces].transpose(1, 0, 2)
+    return np.asarray(np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2)
+
+
+def areas_of_corners(x: Array, faces: np.ndarray) -> Array:
+    """Area that belongs to each corner, m2: a third of the triangles around it."""
+    return np.bincount(faces.ravel(), np.repeat(areas(x, faces) / 3, 3), minlength=len(x))
+
+
+def edges(x: Array, faces: np.ndarray) -> Array:
+    """Lengths of the edges of triangles, (m, 3) in m."""
+    return np.asarray(np.linalg.norm(x[faces] - x[np.roll(faces, 1, axis=1)], axis=2))
 
 
 def cube(cells: int) -> tuple[Array, np.ndarray]:

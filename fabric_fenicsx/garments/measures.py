@@ -13,6 +13,7 @@ from mpi4py import MPI
 
 from ..contact.bodies import Body
 from ..contact.contact import Contact
+from ..contact.triangles import areas_of_corners
 from ..errors import InputError
 from ..fabrics import Fabric
 from ..laws import Array
@@ -120,7 +121,7 @@ class Pressed:
 
 def pressed(pressure: Array, places: Array, faces: np.ndarray) -> Pressed:
     """Of a pressure at the places (n, 3), m, of a skin's corners, see `Contact.pressure`; faces: (m, 3)."""
-    share = np.bincount(faces.ravel(), np.repeat(_areas(places, faces) / 3, 3), minlength=len(places))
+    share = areas_of_corners(places, faces)
     on = pressure > 0.0
     area, force = float(share[on].sum()), float((share * pressure)[on].sum())
     return Pressed(force / area if on.any() else 0.0, float(pressure.max(initial=0.0)), area, force)
@@ -214,8 +215,3 @@ def _normals(corners: Array) -> Array:
     a, b, c = corners.transpose(1, 0, 2)
     across = np.cross(b - a, c - a)
     return np.asarray(across / np.linalg.norm(across, axis=1, keepdims=True))
-
-
-def _areas(x: Array, faces: np.ndarray) -> Array:
-    a, b, c = x[faces].transpose(1, 0, 2)
-    return np.asarray(np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2)
