@@ -462,15 +462,18 @@ def test_a_fault_of_the_program_shows_no_traceback_unasked(command, monkeypatch)
 
 
 def test_the_example_in_the_docstring_is_a_scene(tmp_path):
-    """But for [statics] and [dynamics], of which it shows both."""
+    """But for [statics], [dynamics] and [dressing], of which it shows all."""
     text = scenes.reading.__doc__
     example = text[text.index("title =") :].replace("[statics]", "[other]")
     tables = tomllib.loads(example)
     del tables["other"]
     with pytest.raises(InputError, match="other"):
         scenes.read(scene(tmp_path, example))
-    start, end = example.index("[other]"), example.rindex("[dynamics]")
-    found = scenes.read(scene(tmp_path, example[:start] + example[end:]))
+    with pytest.raises(InputError, match="not dynamics and dressing"):
+        scenes.read(scene(tmp_path, example[: example.index("[other]")] + example[example.rindex("[dynamics]") :]))
+    start, end = example.index("    [other]"), example.rindex("    [dynamics]")
+    dressing, probe = example.index("    [dressing]"), example.index("    [[probe]]")
+    found = scenes.read(scene(tmp_path, example[:start] + example[end:dressing] + example[probe:]))
     assert found.dynamic and found.probes[0].axis == 2 and found.loads[0].value == (0, 0, -9.81)
 
 

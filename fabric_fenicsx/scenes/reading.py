@@ -191,7 +191,10 @@ def read(path: str | Path, *, trust: bool = False) -> Scene:
     numbers = mesh.table("numbers") if "numbers" in mesh.entries else Table(file.file, "mesh.numbers.", {})
     which = [key for key in HOW if key in file.entries]
     if len(which) != 1:
-        file.refuse("statics", "and dynamics: a scene has one of them", "keep [statics] or [dynamics]")
+        there = " and ".join(which) or "none"
+        file.refuse(
+            f"{', '.join(HOW)}:", f"a scene has one of them, not {there}", "keep [statics] or [dynamics] or [dressing]"
+        )
     how, dynamic, dressing = file.table(which[0]), which == ["dynamics"], which == ["dressing"]
     how.expect(*HOW[which[0]])
     if dressing:
