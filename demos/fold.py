@@ -29,8 +29,7 @@ from scipy.integrate import cumulative_trapezoid, solve_bvp
 from fabric_fenicsx.app import command
 from fabric_fenicsx.contact import bodies
 from fabric_fenicsx.contact.contact import Contact
-from fabric_fenicsx.output import pictures, results
-from fabric_fenicsx.output.solids import drawn
+from fabric_fenicsx.output import results
 from fabric_fenicsx.terms import supports
 
 SPRING = 1e4  # of the hand, N/m along 1 m of the edge
@@ -66,7 +65,7 @@ def scene(args, comm=MPI.COMM_WORLD):
         "end_z_m": moving.value_at(cloth, 2, "pulled_end"),
         "crossed": touch.crossed,
     }
-    made_with = {k: v for k, v in vars(args).items() if k not in ("out", "end", "resume", "animation")}
+    made_with = touching.marks(args)
     played = moving.Scene(f"{material.name} folded", cloth, run, ledger, probes, made_with, touch)
     return played, material.strip_curve("warp").B / (material.mass * bent.GRAVITY)
 
@@ -107,13 +106,9 @@ def arguments():
     parser.add_argument("--move", type=command.above_zero, default=1.0, help="how long the end is led, s")
     parser.add_argument("--open", type=command.above_zero, default=0.05, help="how long the hand takes to open, s")
     parser.add_argument("--arc", type=command.above_zero, default=0.45, help="height of its way, in its length")
-    parser.add_argument("--step", type=command.above_zero, default=5.0, help="ms")
+    touching.add_arguments(parser, step=5.0, damping=10.0)
     parser.add_argument("--end", type=command.above_zero, default=1.6, help="s")
-    parser.add_argument("--damping", type=command.number, default=10.0, help="a of Rayleigh's a M, 1/s")
-    parser.add_argument("--rho", type=command.number, default=0.5, help="left of the fastest oscillation after a step")
-    parser.add_argument("--rtol", type=command.above_zero, default=1e-3, help="of Newton's method")
     parser.add_argument("--resume", nargs="?", const=True, metavar="FILE", help="go on from a checkpoint")
-    parser.add_argument("--animation", action="store_true", help="a gif of 50 frames")
     parser.add_argument("--out", type=Path, default=Path("out/fold"))
     parser.set_defaults(law="potential")
     return command.parse(parser)
@@ -124,11 +119,8 @@ def main():
     out = results.folder(args.out)
     played, cube = scene(args)
     table = moving.play(played, args, out, progress=True, every=4)
-    imbalance, run, cloth = moving.summary(table, played.run), played.run, played.sheet
-    pictures.picture(
-        out / "deformed.png", cloth.displacement(), bent.height(cloth), "height (mm)", played.name,
-        bodies=drawn(played.touch),
-    )  # fmt: skip
+    imbalance, run = moving.summary(table, played.run), played.run
+    touching.draw(played, out / "deformed.png")
     high, expected = 1e3 * table.rows[-1]["loop_m"], 1e3 * np.cbrt(cube) * loop()[0]
     command.say(f"loop {high:.2f} mm high, that of an elastica {expected:.2f} mm")
     each = table.column("newton_iterations").sum() / table.column("steps_taken").sum()

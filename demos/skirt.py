@@ -37,8 +37,7 @@ from fabric_fenicsx.garments.panels import Edge, Panel
 from fabric_fenicsx.garments.sewing import Seam, sew
 from fabric_fenicsx.laws import named
 from fabric_fenicsx.material import Material
-from fabric_fenicsx.output import pictures, results
-from fabric_fenicsx.output.solids import drawn
+from fabric_fenicsx.output import results
 from fabric_fenicsx.terms import supports
 
 LOWERED = 0.8  # s
@@ -216,7 +215,7 @@ def scene(args, out):
         cloth.areal_mass, held(cloth), [cloth.weight(cloth.areal_mass, g), *touch.terms], rho=args.rho,
         damping=args.damping, set_load=set_load, rtol=args.rtol, accuracy=4e-4,
     )  # fmt: skip
-    made_with = {k: v for k, v in vars(args).items() if k not in ("out", "end", "resume", "animation")}
+    made_with = touching.marks(args)
     name = f"{args.circle:g} circle of {args.fabric}"
     return moving.Scene(name, cloth, run, ledger, Hem(cloth, touch).probes(), made_with, touch)
 
@@ -241,12 +240,8 @@ def arguments():
     parser.add_argument("--stride", type=command.above_zero, default=1.1, help="time of one, s")
     parser.add_argument("--flexion", type=command.number, default=20.0, help="of the hip, degrees")
     parser.add_argument("--extension", type=command.number, default=10.0, help="of the hip, degrees")
-    parser.add_argument("--damping", type=command.number, default=4.0, help="a of Rayleigh's a M, 1/s")
-    parser.add_argument("--step", type=command.above_zero, default=10.0, help="ms")
+    touching.add_arguments(parser, step=10.0, damping=4.0)
     parser.add_argument("--end", type=command.above_zero, help="s; by default after the walk")
-    parser.add_argument("--rho", type=command.number, default=0.5, help="left of the fastest oscillation after a step")
-    parser.add_argument("--rtol", type=command.above_zero, default=1e-3, help="of Newton's method")
-    parser.add_argument("--animation", action="store_true", help="a gif of 50 frames")
     parser.add_argument("--out", type=Path, default=Path("out/skirt"))
     args = command.parse(parser)
     if args.circle > 1.0:
@@ -263,11 +258,7 @@ def main():
     played = scene(args, out)
     table = moving.play(played, args, out, progress=True, every=4)
     imbalance = moving.summary(table, played.run)
-    cloth, touch = played.sheet, played.touch
-    pictures.picture(
-        out / "deformed.png", cloth.displacement(), bent.height(cloth), "rise since the start (mm)", played.name,
-        bodies=drawn(touch),
-    )  # fmt: skip
+    touching.draw(played, out / "deformed.png", "rise since the start (mm)")
     good = touching.passed(table) and imbalance <= 1.0
     for said, at in (("settled", args.settle), ("in the end", args.end)):
         row = table.rows[int(np.abs(table.column("time_s") - at).argmin())]

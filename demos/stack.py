@@ -59,7 +59,7 @@ def scene(args, out, comm=MPI.COMM_WORLD):
         return lambda: float(touch.forces()[part, 2].sum())
 
     probes = {f"on_{k}_N": borne(part) for k, part in enumerate(above, 1)} | {"crossed": touch.crossed}
-    made_with = {k: v for k, v in vars(args).items() if k not in ("out", "end", "resume", "animation")}
+    made_with = touching.marks(args)
     return moving.Scene(f"stack of {args.sheets} sheets", cloth, run, ledger, probes, made_with, touch)
 
 

@@ -26,8 +26,7 @@ from dolfinx import fem
 from fabric_fenicsx.app import command
 from fabric_fenicsx.contact import bodies
 from fabric_fenicsx.contact.contact import Contact
-from fabric_fenicsx.output import pictures, results
-from fabric_fenicsx.output.solids import drawn
+from fabric_fenicsx.output import results
 from fabric_fenicsx.surfaces import meshing
 
 SIDE, LOWERED = 1.0, 0.5  # m, s
@@ -53,13 +52,13 @@ def scene(args, comm=MPI.COMM_WORLD):
         material.mass,
         [],
         [weight, *touch.terms],
-        args.rho,
-        args.damping,
+        rho=args.rho,
+        damping=args.damping,
         set_load=bent.lowering(g, LOWERED),
         rtol=args.rtol,
     )
     probes = {"corners_z_m": moving.value_at(cloth, 2, "corners"), "crossed": touch.crossed}
-    made_with = {k: v for k, v in vars(args).items() if k not in ("out", "end", "resume", "animation")}
+    made_with = touching.marks(args)
     name = f"tablecloth of {material.name}"
     played = moving.Scene(name, cloth, run, ledger, probes, made_with, touch)
     return played, material.mass * bent.GRAVITY * SIDE**2
@@ -74,13 +73,9 @@ def arguments():
     parser.add_argument("--friction", type=command.number, default=0.3, help="coefficient")
     parser.add_argument("--seed", type=int, default=0, help="of the waves")
     parser.add_argument("--imperfection", type=command.above_zero, default=3.0, help="height of the waves, mm")
-    parser.add_argument("--step", type=command.above_zero, default=10.0, help="ms")
+    touching.add_arguments(parser, step=10.0, damping=10.0)
     parser.add_argument("--end", type=command.above_zero, default=1.5, help="s")
-    parser.add_argument("--damping", type=command.number, default=10.0, help="a of Rayleigh's a M, 1/s")
-    parser.add_argument("--rho", type=command.number, default=0.5, help="left of the fastest oscillation after a step")
-    parser.add_argument("--rtol", type=command.above_zero, default=1e-3, help="of Newton's method")
     parser.add_argument("--resume", nargs="?", const=True, metavar="FILE", help="go on from a checkpoint")
-    parser.add_argument("--animation", action="store_true", help="a gif of 50 frames")
     parser.add_argument("--out", type=Path, default=Path("out/tablecloth"))
     return command.parse(parser)
 
@@ -91,11 +86,7 @@ def main():
     played, weight = scene(args)
     table = moving.play(played, args, out, progress=True, every=4)
     imbalance = moving.summary(table, played.run)
-    cloth, touch = played.sheet, played.touch
-    pictures.picture(
-        out / "deformed.png", cloth.displacement(), bent.height(cloth), "height (mm)", played.name,
-        bodies=drawn(touch),
-    )  # fmt: skip
+    touching.draw(played, out / "deformed.png")
     tail = table.column("time_s") > 0.9 * args.end
     borne = -table.column("table_z_N")[tail].mean() / weight
     good = touching.passed(table) and imbalance <= 1.0

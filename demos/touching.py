@@ -1,10 +1,13 @@
 """What the demos of contact share: an elastic cloth, and what is told of a run."""
 
+import bent
 import numpy as np
 
 from fabric_fenicsx import sheet
 from fabric_fenicsx.app import command
 from fabric_fenicsx.laws.svk import StVenantKirchhoff
+from fabric_fenicsx.output import pictures
+from fabric_fenicsx.output.solids import drawn
 
 THICKNESS, MASS, G = 0.4e-3, 0.224, 9.81
 E, NU = 8e6, 0.0
@@ -24,6 +27,28 @@ def wave(domain, inner, outer, height, seed, count=8):
     sizes, phases = rng.normal(size=count), rng.uniform(0, 2 * np.pi, count)
     waves = sum(a * np.cos((k + 1) * angle + p) for k, (a, p) in enumerate(zip(sizes, phases, strict=True)))
     x[:, 2] += height * out**2 * waves / np.sqrt(count / 2)
+
+
+def add_arguments(parser, step, damping):
+    """What a motion that settles can be asked; step in ms, damping in 1/s."""
+    parser.add_argument("--step", type=command.above_zero, default=step, help="ms")
+    parser.add_argument("--damping", type=command.number, default=damping, help="a of Rayleigh's a M, 1/s")
+    parser.add_argument("--rho", type=command.number, default=0.5, help="left of the fastest oscillation after a step")
+    parser.add_argument("--rtol", type=command.above_zero, default=1e-3, help="of Newton's method")
+    parser.add_argument("--animation", action="store_true", help="a gif of 50 frames")
+
+
+def marks(args):
+    """What a checkpoint must have been made with."""
+    return {k: v for k, v in vars(args).items() if k not in ("out", "end", "resume", "animation")}
+
+
+def draw(played, path, label="height (mm)"):
+    """The sheet at the end, coloured by how far it has risen, and what it touches."""
+    cloth = played.sheet
+    pictures.picture(
+        path, cloth.displacement(), bent.height(cloth), label, played.name, bodies=drawn(played.touch)
+    )  # fmt: skip
 
 
 def crosses(table):

@@ -10,6 +10,7 @@ QUICK = {
     "incline": "incline.py --slopes 0.2 0.4 --end 0.1",
     "capstan": "capstan.py --cells 30 --around 12 --steps 6 --angle 90",
     "stack": "stack.py --sheets 3 --cells 2 --end 0.25 --apart 1.5",
+    "tablecloth": "tablecloth.py --cells 6 --around 4 --end 0.9 --step 20",
     "fold": "fold.py --law svk --length 160 --width 20 --cells 32 --across 1 --step 10 --move 0.4 --end 0.35",
     "skirt": "skirt.py --cell 100 --skin 60 --law svk --step 20 --settle 0.3 --end 0.4",
 }
@@ -54,6 +55,12 @@ def test_capstan(demo, tmp_path):
 
 def test_stack(demo, tmp_path):
     run(demo, QUICK["stack"], tmp_path)
+    look(tmp_path / "deformed.png")
+
+
+def test_tablecloth(demo, tmp_path):
+    said = run(demo, QUICK["tablecloth"], tmp_path)
+    assert "of the weight" in said
     look(tmp_path / "deformed.png")
 
 

@@ -182,7 +182,9 @@ def from_frames(name, folder, noise=0.02, seed=2010):
     one = identification.records.Strip(*size, fabric.thickness)
     S = np.append(0.0, simulated.strips(strip, (36, 12))(fabric, one, np.radians(45), d[1:]))
     E, S = np.linspace(0, E[-1], 201), np.interp(np.linspace(0, E[-1], 201), E, S)
-    text = synthetic_strips.strips(folder, 45, E, S, fabric.thickness, 3, noise, rng, size, "clamped", True)
+    text = synthetic_strips.strips(
+        folder, 45, E, S, fabric.thickness, 3, noise, rng, size, ends="clamped", held_out=True
+    )  # fmt: skip
     gamma, tau = cycles(fabric)
     text += synthetic_strips.frames(folder, gamma / 2, tau, fabric.thickness, 3, noise, rng)
     found = identification.identify(listing.read(listed(fabric, folder, text, 3, noise, seed)))
