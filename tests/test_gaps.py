@@ -4,7 +4,7 @@ import sys
 
 import numpy as np
 import pytest
-import scipy.sparse
+import solids
 from scipy.spatial.transform import Rotation
 from test_contact import SIDE, falling, square
 
@@ -73,34 +73,16 @@ def test_without_the_toolkit_forces_and_tangents_are_those_of_the_energy(without
     cloth, some = square(), around()
     touch = Contact(cloth, some, friction=0.3, static=0.4, reach=2e-3, slip=5e-3, itself=False)
     assert touch._around.collisions.kit is None
-    q, local, near = cloth.q.x.array, touch._around.skin.local, touch._around.collisions
-    rng, rest = np.random.default_rng(0), q.copy()
+    near, rng = touch._around.collisions, np.random.default_rng(0)
     for body in some[:-1]:  # led, and turned about their middles
         body.move((1e-4, 2e-4, 0), (0.0, 0.0, 1e-3), tuple(body.rest.mean(axis=0)))
     touch._around.lead()
-    z, way = 2e-4 * rng.standard_normal(local.shape) + [3e-4, 1e-4, 0.0], rng.standard_normal(local.shape)
-
-    def force(term, at):
-        q[:] = rest
-        q[local] += at
-        assert term.evaluate()
-        total = np.zeros_like(q)
-        term.add_force(total)
-        return total, term.energy()
-
-    for term in touch.terms:
-        term.prepare(0.1)
-        (after, up), (before, down) = (force(term, z + step * way) for step in (1e-9, -1e-9))
-        now, _ = force(term, z)
-        rows, columns = term.pattern()
-        values, change = np.zeros(len(rows)), np.zeros_like(q)
-        term.add_stiffness(values)
-        change[local] = way
-        found = scipy.sparse.csr_array((values, (rows, columns)), shape=(len(q), len(q))) @ change
-        expected = (after - before) / 2e-9
+    shape = touch._around.skin.local.shape
+    z, way = 2e-4 * rng.standard_normal(shape) + [3e-4, 1e-4, 0.0], rng.standard_normal(shape)
+    for term, now, change, found, expected, slope in solids.derivatives(touch, cloth.q, z, way):
         assert np.linalg.norm(found - expected) < 1e-5 * np.linalg.norm(expected)
         if term.loses == "law":
-            assert now @ change == pytest.approx((up - down) / 2e-9, rel=1e-6)
+            assert now @ change == pytest.approx(slope, rel=1e-6)
     # a force on each body is the derivative of the energy by its motion, and all of them those on the sheet
     barrier = touch.terms[-1]
     for body in some:

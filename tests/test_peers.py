@@ -1,6 +1,7 @@
 """The study of other programs: what they are given is the same sheet, and their answers are read rightly."""
 
 import shutil
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -8,10 +9,12 @@ from mpi4py import MPI
 
 from fabric_fenicsx.surfaces import meshing
 
+DEMOS = Path(__file__).resolve().parent.parent / "demos"
+
 
 @pytest.fixture
 def peers(monkeypatch):
-    monkeypatch.syspath_prepend("demos/studies")
+    monkeypatch.syspath_prepend(DEMOS / "studies")
     import peers
 
     return peers
