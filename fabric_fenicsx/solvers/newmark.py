@@ -28,8 +28,7 @@ KINKS: dict[str, object] = {"snes_linesearch_type": "secant"}
 """Where a term has kinks or is impulsive, as contact: a sheet that unloads is full of them, and full steps overshoot.
 
 Without either full steps are best: 6.8 s for an elastic sheet, 8.9 with bt and 12.2 with secant. In contact bt goes by
-the size of the residual, which full steps of a thin sheet that rolls off itself make larger on their way: 36 iterations
-a step in the hardest part of an elastic fold, where secant takes 16; on a sphere both take 5.2, with less time in bt.
+the size of the residual, which full steps of a thin sheet that rolls off itself make larger on their way.
 """
 DOWNHILL: dict[str, object] = {"snes_linesearch_type": "cp", "snes_linesearch_rtol": 0.5}
 """Where they all have a potential: so has the step, with W + |u - u*|_M^2/2 of the inertia, and the residual along a
