@@ -65,10 +65,13 @@ class Surroundings:
         if np.array_equal(led, self.led):
             return True
         x0 = self._places()
-        x1 = np.concatenate([x0[: self.collisions.count], led])
-        part = self.collisions.free_part(x0, x1)
+        return self._go(led, x0, x0[: self.collisions.count]) == 1.0
+
+    def _go(self, led: Array, x0: Array, nodes: Array) -> float:
+        """Lead bodies from all places x0 to where they are led, as nodes go to theirs: the part that is free."""
+        part = self.collisions.free_part(x0, np.concatenate([nodes, led]))
         self.led = led if part == 1.0 else self.led + part * (led - self.led)
-        return part == 1.0
+        return part
 
     def carry(self, held: np.ndarray) -> Array | None:
         """See `Term.carry`: each node goes with the corner of a body that is nearest to it."""
@@ -78,10 +81,7 @@ class Surroundings:
         x0, count = self._places(), self.collisions.count
         change = self.skin.change((led - self.led)[cKDTree(self.led).query(x0[:count])[1]])
         change[held] = 0.0
-        x1 = np.concatenate([x0[:count] + self.skin.moved(change), led])
-        part = self.collisions.free_part(x0, x1)
-        self.led = led if part == 1.0 else self.led + part * (led - self.led)
-        return part * change
+        return self._go(led, x0, x0[:count] + self.skin.moved(change)) * change
 
     def commit(self) -> None:
         """The step to the present places has happened."""

@@ -67,9 +67,8 @@ def follow(photographs: Sequence[Callable[[], Array]], x0: Array, hand: Array, s
             guess, turned = _moved(flow, x[k - 1, j], half)
             x[k, j], maps[j], state[k, j] = _found(squares[j], light, guess, turned @ maps[j])
         seen = state[k] == FOUND
-        for j in (
-            np.flatnonzero(~seen).tolist() if seen.any() else ()
-        ):  # the flow of what covers a facet tells nothing of it
+        # the flow of what covers a facet tells nothing of it
+        for j in np.flatnonzero(~seen & seen.any()).tolist():
             guess = carried(x0[j : j + 1], x0[seen], x[k, seen])[0]
             next_to = np.flatnonzero(seen)[np.linalg.norm(x0[seen] - x0[j], axis=1).argmin()]
             x[k, j], maps[j], state[k, j] = _found(squares[j], light, guess, maps[next_to])
