@@ -1,6 +1,7 @@
 """Records with the headings, units and decimal marks of testing machines of several countries."""
 
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -25,6 +26,8 @@ EXPORTS = {
     "Italian": ("Tempo (s);Allungamento (mm);Forza (N/cm)", (1.0, 1e3, 0.2), ",", "utf-8"),
     "Italian, crosshead": ("Tempo (s);Corsa (mm);Carico (N)", (1.0, 1e3, 1.0), ",", "latin-1"),
     "Japanese, Shimadzu": ("時間(sec)\tストローク(mm)\t試験力(N)", (1.0, 1e3, 1.0), ".", "shift_jis"),
+    "Japanese, EUC": ("時間(sec)\t変位(mm)\t荷重(N)", (1.0, 1e3, 1.0), ".", "euc_jp"),
+    "Japanese, JIS": ("時間(sec)\tストローク(mm)\t試験力(N)", (1.0, 1e3, 1.0), ".", "iso2022_jp"),
     "Japanese, Kato Tech": ("時間(s)\t伸び(%)\t荷重(gf/cm)", (1.0, 1e3, 1 / 9.80665e-3 / 5), ".", "shift_jis"),
     "English, Instron": ("Time (s),Extension (in),Load (lbf)", (1.0, 1e3 / 25.4, 1 / 4.4482216), ".", "utf-8"),
     "English, MTS": ("Time (s),Crosshead (mm),Load (lbf/in)", (1.0, 1e3, 25.4 / 50 / 4.4482216), ".", "utf-8"),
@@ -130,3 +133,39 @@ def test_a_fabric_from_records_of_three_countries(tmp_path):
     for curve, part in ((fabric.warp, 1.0), (fabric.weft, 0.8)):
         assert curve.stress(E) == pytest.approx(part * F[-1] / stretch / (0.05 * 0.4e-3), rel=0.005)
     assert f"stress {F[-1] / stretch:.3g}" in (tmp_path / "fabric.toml").read_text()
+
+
+EXTENSOMETERS = {  # two headings of the displacement, and what a reading of the second is of that of the first
+    "relative": ("Crosshead (mm)", "Extensometer (%)", 0.8),
+    "German": ("Traversenweg (mm)", "Längenänderungsaufnehmer (mm)", 0.8 * 0.3),
+    "Japanese": ("ストローク(mm)", "伸び計(mm)", 0.8 * 0.3),
+    "gauge": ("Strain gauge (%)", "Stroke (mm)", 1 / 0.8),
+}
+
+
+@pytest.mark.parametrize("name", EXTENSOMETERS)
+def test_an_extensometer_counts_and_the_crosshead_is_left_out(tmp_path, name):
+    """It sees 0.8 of the strain, on 30 mm of the strip; without these it is not used, which is said."""
+    first, second, part = EXTENSOMETERS[name]
+    reads = D if name != "gauge" else 0.8 * D
+    rows = [
+        ",".join(f"{1e3 * value:.7f}" for value in (d, part * d)) + f",{f:.7f}" for d, f in zip(reads, F, strict=True)
+    ]
+    (tmp_path / "both.csv").write_text("\n".join([f"{first},{second},Force (N)", *rows]), encoding="utf-8")
+    told = records.read(tmp_path / "both.csv", replace(STRIP, extensometer=0.03))
+    assert told.displacement == pytest.approx(0.8 * D, abs=1e-8) and told.force == pytest.approx(F, abs=1e-4)
+    used, left = (second, first) if name != "gauge" else (first, second)
+    assert told.notes == (f"both.csv: the displacement is that of column {used!r}; {left!r} is left out.",)
+    silent = records.read(tmp_path / "both.csv", STRIP)
+    relative = "%" in used
+    assert silent.displacement == pytest.approx(0.8 * D if relative else D, abs=1e-8)
+    assert relative or "(the list of tests has no extensometer_mm)" in silent.notes[0]
+
+
+def test_an_extensometer_alone_must_tell_its_gauge_length(tmp_path):
+    rows = [f"{1e3 * d:.7f},{f:.7f}" for d, f in zip(0.3 * D, F, strict=True)]
+    (tmp_path / "one.csv").write_text("\n".join(["Extensometer (mm),Force (N)", *rows]))
+    with pytest.raises(InputError, match="give its gauge length as extensometer_mm"):
+        records.read(tmp_path / "one.csv", STRIP)
+    told = records.read(tmp_path / "one.csv", replace(STRIP, extensometer=0.03))
+    assert told.displacement == pytest.approx(D, abs=1e-8) and not told.notes

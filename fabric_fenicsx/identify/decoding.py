@@ -1,4 +1,4 @@
-"""The text of a file as people save it: UTF-8, UTF-16 or UTF-32, marked or not, Shift-JIS, Latin."""
+"""The text of a file as people save it: UTF-8, UTF-16 or UTF-32, marked or not, Shift-JIS, EUC-JP, Latin."""
 
 import codecs
 import re
@@ -17,6 +17,8 @@ MARKS = {
 
 # two kana or common kanji in a row: lead bytes that are no letters in any Latin encoding
 JAPANESE = re.compile(rb"(?:[\x82-\x97][\x40-\x7e\x80-\xfc]){2}")
+# the same of EUC-JP, where all bytes above 0x7f go in pairs
+JAPANESE_EUC = re.compile(rb"(?:[\xa4\xa5][\xa1-\xf6]|[\xb0-\xf4][\xa1-\xfe]){2}")
 
 
 def decode(raw: bytes, file: str) -> str:
@@ -41,11 +43,14 @@ def _encoding(raw: bytes) -> str:
     for first, name in (1, "utf-16-le"), (0, "utf-16-be"):
         if len(raw) > 7 and len(raw) % 2 == 0 and raw[first::2].count(0) > 0.7 * len(raw) / 2:
             return name
-    for name in "utf-8", "cp932", "cp1252":
+    if b"\x1b$" in raw:  # what turns to two bytes a letter
+        return "iso2022_jp"
+    proof = {"cp932": JAPANESE, "euc_jp": JAPANESE_EUC}
+    for name in "utf-8", "cp932", "euc_jp", "cp1252":
         try:
             raw.decode(name)
         except UnicodeDecodeError:
             continue
-        if name != "cp932" or JAPANESE.search(raw):
+        if name not in proof or proof[name].search(raw):
             return name
     return "latin-1"

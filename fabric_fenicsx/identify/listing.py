@@ -14,6 +14,7 @@ Every key; the files that it names are told in `fabric_fenicsx.identify.records`
     columns = ["displacement (mm)", "force (N)"]  # of records of force that do not name theirs
 
     preload_N = 0                   # at which the tests began; 0 if a force at the start is an offset of the load cell
+    extensometer_mm = 50            # of an extensometer, whose column then counts in place of the machine's
 
     [records]                       # files beside this one, each of one specimen; as "displacement (mm),force (N)"
     warp = ["warp_1.csv", "warp_2.csv"]
@@ -63,7 +64,7 @@ Or the sheet of a laboratory, [kes] or [fast], in the place of gauge_length_mm, 
 """
 
 import tomllib
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -122,7 +123,7 @@ def read(path: str | Path) -> Tests:
         "",
         entries,
         (*TEXTS, *NUMBERS, "records"),
-        ("source", "columns", "preload_N", "assumed", "bending", "frame", "strip", "biaxial"),
+        ("source", "columns", "preload_N", "extensometer_mm", "assumed", "bending", "frame", "strip", "biaxial"),
     )
     _words(path, entries)
     numbers = {key: _number(path, key, entries[key]) for key in NUMBERS}
@@ -139,15 +140,17 @@ def read(path: str | Path) -> Tests:
     texts = isinstance(columns, list) and all(isinstance(name, str) for name in columns)
     if not texts or set("".join(columns)) & set(",;\t"):
         raise InputError(f'{path}: columns is not a list of names; write ["displacement (mm)", "force (N)"], say.')
-    thickness = numbers["thickness_mm"] / 1e3
-    slanted = strips.read_strips(path, entries["strip"], thickness) if "strip" in entries else []
+    strip = Strip(*(numbers[key] / 1e3 for key in ("gauge_length_mm", "width_mm", "thickness_mm")))
+    if "extensometer_mm" in entries:
+        strip = replace(strip, extensometer=_number(path, "extensometer_mm", entries["extensometer_mm"]) / 1e3)
+    slanted = strips.read_strips(path, entries["strip"], strip) if "strip" in entries else []
     if not slanted and not any(key in records for key in ("warp", "weft", "bias")):
         raise InputError(f"{path}: records names no tensile test; add warp, weft or bias.")
     return Tests(
         str(path),
         {key: entries[key] for key in TEXTS},
         numbers["density_kg_per_m3"],
-        Strip(*(numbers[key] / 1e3 for key in ("gauge_length_mm", "width_mm", "thickness_mm"))),
+        strip,
         entries.get("source", "not said"),
         records,
         _assumed(path, entries),

@@ -7,11 +7,11 @@ displacement, a stress or a force per width for the force. Several readings up, 
 
 What a file may have and is understood: lines of text before the columns, between the readings and after them, units in
 a line of their own, commas, semicolons, tabs, bars or spaces between the columns, decimal commas, marks between
-thousands, repeated heads, other columns of any text, UTF-8, UTF-16, Shift-JIS and Latin letters, and several specimens,
-each below a head of its own, side by side, or told apart by a column "specimen". What is mended, with a note: readings
-that are missing, single wild readings, times out of order, clocks that restart, times that cannot be read, force or
-displacement with reversed sign, a displacement that does not begin at zero, slack and pre-load (`identify.origin`).
-Anything else is refused in one sentence (`InputError`).
+thousands, repeated heads, other columns of any text, UTF-8, UTF-16, Shift-JIS, EUC-JP and Latin letters, and several
+specimens, each below a head of its own, side by side, or told apart by a column "specimen". What is mended, with a
+note: readings that are missing, single wild readings, times out of order, clocks that restart, times that cannot be
+read, force or displacement with reversed sign, a displacement that does not begin at zero, slack and pre-load
+(`identify.origin`). Anything else is refused in one sentence (`InputError`).
 """
 
 import re
@@ -37,7 +37,7 @@ WORDS = {
         *("weg", "dehnung", "verformung", "déplacement", "deplacement", "allongement", "déformation"),
         *("desplazamiento", "extensión", "alargamiento", "deformación", "spostamento", "allungamento", "corsa"),
         *("deformazione", "変位", "ストローク", "伸", "ひずみ", "歪", "verlängerung", "längenänderung", r"\bcourse"),
-        *("recorrido", "elongación", "elongazione", r"\bext\b"),
+        *("recorrido", "elongación", "elongazione", r"\bext\b", r"extens[oóô]m", "estensim", "strain gau?ge"),
     ),
     "warp_stretch": ("warp stretch",),
     "weft_stretch": ("weft stretch",),
@@ -52,16 +52,19 @@ ALLOWED = {
     "angle": ("angle",),
 }
 """Quantity -> kinds of unit, the preferred one first."""
+ON_THE_STRIP = re.compile(r"extens[oóô]m|estensim|(nungs|änderungs|ansatz)aufnehmer|strain ga|伸び計|標点")
+"""An extensometer or a strain gauge, which sees a part of the strip and not what yields in the grips."""
 AMBIGUOUS = ("green", "lagrange", "true", "cauchy", "piola", "logarithmic", "transverse", "lateral")
 
 
 @dataclass(frozen=True)
 class Strip:
-    """The specimen before the test, in m."""
+    """The specimen before the test, and the gauge length of an extensometer on it, in m."""
 
     gauge_length: float
     width: float
     thickness: float
+    extensometer: float | None = None
 
     @property
     def area(self) -> float:
@@ -99,9 +102,10 @@ def read_all(path: str | Path, strip: Strip, columns: Sequence[str] = ()) -> lis
     """The tensile tests of a CSV file, one of each specimen.
 
     Columns, by a word in their names: force or load, in a unit of force, of force per width, or of nominal stress
-    (force over the first cross-section); displacement, extension, elongation ..., in a unit of length or relative
-    to the gauge length; time, if there; and for a bias test with marked yarns "warp_stretch", "weft_stretch" and
-    "angle" between them. Other columns are left alone. A file that names no columns has those of `columns`.
+    (force over the first cross-section); displacement, extension, elongation ..., in a unit of length or relative to
+    the gauge length (an extensometer's, if there is one whose gauge length is known); time, if there; and for a bias
+    test with marked yarns "warp_stretch", "weft_stretch" and "angle" between them. Other columns are left alone. A
+    file that names no columns has those of `columns`.
     """
     wanted = "|".join(WORDS["force"]), "|".join(WORDS["displacement"])
     table = read_table(path, wanted, "time_s,displacement_mm,force_N", columns)
@@ -129,6 +133,7 @@ def _part(table: Table, file: str, used: list[int]) -> Table:
 
 def _read(table: Table, strip: Strip) -> list[Record]:
     """The tensile tests below one head."""
+    table, gauged = _on_the_strip(table, strip)
     found = {name: _find(table, name, name in ("force", "displacement")) for name in WORDS}
     used = {name: index for name, index in found.items() if index is not None}
     yarns = [name for name in ("warp_stretch", "weft_stretch", "angle") if name in used]
@@ -140,7 +145,7 @@ def _read(table: Table, strip: Strip) -> list[Record]:
     kind, force = table.si(used["force"], ALLOWED["force"])
     force = force * {"force": 1.0, "force per width": strip.width, "stress": strip.area}[kind]
     kind, displacement = table.si(used["displacement"], ALLOWED["displacement"])
-    displacement = displacement * (strip.gauge_length if kind == "ratio" else 1.0)
+    displacement = displacement * (strip.gauge_length / (1.0 if kind == "ratio" else gauged))
     marked = {name: table.si(used[name], ALLOWED[name])[1] for name in yarns}
     time, said = readings.times(table, used["time"]) if "time" in used else (None, [])
     notes = [*table.notes, *(f"{table.file}: {word}." for word in said)]
@@ -200,10 +205,42 @@ def names(quantity: str, column: str) -> bool:
     return any(re.search(word, column) for word in WORDS[quantity])
 
 
+def _on_the_strip(table: Table, strip: Strip) -> tuple[Table, float]:
+    """The table with one way of measuring the displacement, and its gauge length (m): an extensometer's, where known.
+
+    A note says what is left out.
+    """
+    moved = [i for i, (name, _) in enumerate(table.columns) if names("displacement", name) and not vague(name)]
+    gauged = [i for i in moved if ON_THE_STRIP.search(table.columns[i][0])]
+    others = [i for i in moved if i not in gauged]
+    relative = [i for i in gauged if (units.factor(table.columns[i][1] or "") or ("",))[0] == "ratio"]
+    known = gauged if strip.extensometer else relative
+    if not gauged:
+        return table, strip.gauge_length
+    if not known and not others:
+        raise InputError(
+            f"{table.file}: column {table.headers[gauged[0]]!r} is that of an extensometer; give its gauge length as "
+            "extensometer_mm in the list of tests (gauge_length_mm, if it sees all that is between the grips)."
+        )
+    used, out = (known, [i for i in moved if i not in known]) if known else (others, gauged)
+    if out:
+        took, left = (" and ".join(repr(table.headers[i]) for i in some) for some in (used, out))
+        why = "" if known else " (the list of tests has no extensometer_mm)"
+        note = f"{table.file}: the displacement is that of column {took}; {left} is left out{why}."
+        table = _part(table, table.file, [i for i in range(len(table.headers)) if i not in out])
+        table = replace(table, notes=(*table.notes, note))
+    return table, (strip.extensometer if known and strip.extensometer else strip.gauge_length)
+
+
+def vague(column: str) -> bool:
+    """Whether a column is a strain of another kind, or another direction, than what is asked for."""
+    return any(word in column for word in AMBIGUOUS)
+
+
 def _find(table: Table, quantity: str, needed: bool) -> int | None:
     """Index of the one column that holds a quantity; None if it may be missing and is."""
     found = [i for i, (name, _) in enumerate(table.columns) if names(quantity, name)]
-    found = [i for i in found if not any(word in table.columns[i][0] for word in AMBIGUOUS)]
+    found = [i for i in found if not vague(table.columns[i][0])]
     if not found:
         if not needed:
             return None

@@ -87,8 +87,11 @@ class BiaxialTest:
         return "equibiaxial" if self.drawn == "both" else f"biaxial, {self.drawn} drawn"
 
 
-def read_strips(path: str | Path, entries: Any, thickness: float) -> list[StripTest]:
-    """The tables [[strip]]; thickness in m. Raises InputError for what is missing, unknown or out of range."""
+def read_strips(path: str | Path, entries: Any, usual: Strip) -> list[StripTest]:
+    """The tables [[strip]], as thick as the usual strip, with its extensometer.
+
+    Raises InputError for what is missing, unknown or out of range.
+    """
     out = []
     for k, one in _tables(path, "strip", entries):
         where = f"strip {k}: "
@@ -101,7 +104,7 @@ def read_strips(path: str | Path, entries: Any, thickness: float) -> list[StripT
         if ends not in ENDS:
             raise InputError(f"{path}: {where}ends = {ends!r} is neither 'clamped' nor 'free'.")
         files = _files(path, where, one["files"])
-        strip = Strip(length, width, thickness)
+        strip = replace(usual, gauge_length=length, width=width)
         out.append(StripTest(files, float(np.radians(angle)), strip, ends, _yes(path, where, one)))
     return out
 
