@@ -6,7 +6,7 @@ import ufl
 from test_contact import G, H, M, square
 
 from fabric_fenicsx.contact import bodies
-from fabric_fenicsx.contact.coefficients import coulomb, start_of_slip
+from fabric_fenicsx.contact.coefficients import coulomb, start_of_slip, stored
 from fabric_fenicsx.contact.contact import Contact
 from fabric_fenicsx.errors import InputError
 
@@ -91,6 +91,9 @@ def test_the_coefficient_is_that_of_the_toolkit():
     h, bend = coulomb(slid, 1e-4, 0.5, 0.3)
     expected = [ipctk.smooth_mu(s, 0.5, 0.3, 1e-4) * ipctk.smooth_friction_f1(s, 1e-4) for s in slid]
     assert h * slid == pytest.approx(expected)
+    many = np.linspace(0, slid, 4001)
+    work = np.trapezoid(coulomb(many, 1e-4, 0.5, 0.3)[0] * many, many, axis=0)
+    assert stored(slid, 1e-4, 0.5, 0.3) == pytest.approx(work, rel=1e-6)
     after, before = (coulomb(slid * (1 + e), 1e-4, 0.5, 0.3)[0] for e in (1e-6, -1e-6))
     assert bend == pytest.approx((after - before) / (2e-6 * slid**2), rel=1e-6)
 
@@ -126,13 +129,14 @@ def test_a_fast_sheet_does_not_pass_a_small_ball_in_any_motion(method):
         assert touch.least_gap() > 0.0 and not touch.crossed()
 
 
+@pytest.mark.parametrize("static", [MU, 0.45])
 @pytest.mark.parametrize("triangles", [False, True])
-def test_lagged_friction_is_the_slope_of_its_potential(triangles):
+def test_lagged_friction_is_the_slope_of_its_potential(triangles, static):
     cloth = square("mitc4", 4)
     around = [bodies.Sphere(0.1, (0.1, 0.1, -0.1 - 3 * H), cells=8), bodies.Plane(point=(0, 0, -4 * H))]
     if triangles:
         around = [bodies.Body(body.rest, body.faces, body.name) for body in around]
-    touch = Contact(cloth, around, friction=MU, reach=4e-3, creep=1e-4, lagged=True)
+    touch = Contact(cloth, around, friction=MU, static=static, reach=4e-3, creep=1e-4, lagged=True)
     term, near, rng = touch.terms[0], touch._around.collisions, np.random.default_rng(0)
     sheet = slice(None)
     x0, way = near.x.copy(), rng.standard_normal(near.x.shape)

@@ -31,6 +31,15 @@ def coulomb(slid: Array, length: float, static: Array | float, kinetic: Array | 
     return h, np.where(sliding, -kinetic / np.where(sliding, slid, 1.0) ** 3, bend)
 
 
+def stored(slid: Array, length: float, static: float, kinetic: float) -> Array:
+    """Work over the way that was slid, over the normal force, m: the integral of `coulomb` times that way."""
+    y = slid / length
+    at, left = np.minimum(y, 1.0), 1 - np.clip(y, 0.5, 1.0)
+    early = np.minimum(y, 0.5)
+    step = early**4 - 0.4 * early**5 + (0.3875 - left + left**3 - 0.4 * left**5)
+    return np.asarray(length * (static * (at**2 - at**3 / 3) + (kinetic - static) * step + kinetic * (y - at)))
+
+
 def start_of_slip(static: float, kinetic: float) -> float:
     """The coefficient from which `coulomb` starts so that its peak is the static one.
 

@@ -142,8 +142,8 @@ class Lagged(Friction):
         return np.asfortranarray(near.met - x0[: len(near.met)]) if self._kit is not None else near.met[:0]
 
     def _in_closed_form(self) -> list[tuple[float, Array, Array]]:
-        near = self._around.collisions
-        return near.gaps.lagged(self._start, near.x, self._around.x0, self._length, self._coefficients.kinetic[0])
+        near, mu = self._around.collisions, (self._coefficients.static[0], self._coefficients.kinetic[0])
+        return near.gaps.lagged(self._start, near.x, self._around.x0, self._length, mu)
 
     def _forces(self) -> Array:
         slid, near = self._slid(), self._around.collisions

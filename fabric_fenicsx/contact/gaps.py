@@ -17,7 +17,7 @@ from scipy.spatial import cKDTree
 
 from ..laws import Array
 from .bodies import Body, Plane
-from .coefficients import Coefficients, coulomb
+from .coefficients import Coefficients, coulomb, stored
 from .points import Grid
 from .shapes import Pose, Shape
 
@@ -121,20 +121,18 @@ class Near:
             change += along[:, :, None] * turned[:, None, :]
         return (force * h)[:, None] * along, change
 
-    def lagged(self, x: Array, way: Array, length: float, mu: float) -> tuple[float, Array, Array]:
+    def lagged(self, x: Array, way: Array, length: float, mu: Sequence[float]) -> tuple[float, Array, Array]:
         """Friction at the present pressure along the present surface, once nodes are at x and corners went their way.
 
-        Its potential (J), forces on points (k, 3), and their derivatives (k, 3, 3).
+        mu: static, kinetic. Its potential (J), forces on points (k, 3), and their derivatives (k, 3, 3).
         """
         flat = np.eye(3) - self.normals[:, :, None] * self.normals[:, None, :]
         slid = np.einsum("kij,kj->ki", flat, self.matrix @ x - self.x - self.shape.carried(self.x, self.pose, way)[0])
         size = np.linalg.norm(slid, axis=1)
-        h, bend = coulomb(size, length, mu, mu)
-        y = size / length
-        stored = mu * length * np.where(y < 1.0, y**2 - y**3 / 3, y - 1 / 3)
+        h, bend = coulomb(size, length, *mu)
         change = h[:, None, None] * flat + bend[:, None, None] * slid[:, :, None] * slid[:, None, :]
         force = self.force
-        return float(force @ stored), (force * h)[:, None] * slid, force[:, None, None] * change
+        return float(force @ stored(size, length, *mu)), (force * h)[:, None] * slid, force[:, None, None] * change
 
 
 class Gaps:
@@ -227,7 +225,7 @@ class Gaps:
         ]
 
     def lagged(
-        self, start: Sequence[Near], x: Array, x0: Array, length: float, mu: float
+        self, start: Sequence[Near], x: Array, x0: Array, length: float, mu: Sequence[float]
     ) -> list[tuple[float, Array, Array]]:
         """Of each body, see `Near.lagged`; start: what was near at x0."""
         n, every = self._count, zip(start, self._corners, strict=True)
