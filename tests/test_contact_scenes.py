@@ -301,3 +301,13 @@ def test_what_cannot_move_freely_is_refused_in_a_sentence(tmp_path, more, reason
         scenes.build(scene(tmp_path, DROP.replace("cells = 6", more)))
     with pytest.raises(InputError, match="mass_kg = 1 lets a body move freely, which takes time"):
         scene(tmp_path, PUSH.replace("shift_m = [0, 0, 0.02]", "mass_kg = 1"))
+
+
+def test_explicit_motion_is_asked_for_by_a_key(tmp_path):
+    rim = '[[probe]]\nname = "rim"\nat = "rim"\naxis = "z"\n'
+    one, two = (
+        run(DROP.replace("[dynamics]", rim + f'[dynamics]\nmethod = "{method}"'), tmp_path / method)
+        for method in ("implicit", "explicit")
+    )
+    assert two.column("rim_z_m") == pytest.approx(one.column("rim_z_m"), rel=0.02)
+    assert (two.column("newton_iterations") > one.column("newton_iterations")).all()  # its steps

@@ -85,6 +85,7 @@ Every key, with its default where it has one:
     [dynamics]
     end_s = 0.5
     step_ms = 5.0
+    method = "implicit"                         # or explicit: many short steps in each, which solve nothing
     rho = 0.8
     damping_per_s = 0.0
 
@@ -123,7 +124,7 @@ PATTERNS = (".toml", ".json")
 """Endings of sewing patterns."""
 HOW = {
     "statics": ("", "turns steps smallest"),
-    "dynamics": ("end_s", "step_ms rho damping_per_s"),
+    "dynamics": ("end_s", "step_ms method rho damping_per_s"),
     "dressing": ("", "time_s step_ms"),
 }
 """What a scene goes through -> keys that it needs, and those that it may have."""
@@ -168,6 +169,7 @@ class Scene:
     smallest: float
     end: float
     step: float
+    method: str
     rho: float
     damping: float
     colour: Colour
@@ -260,6 +262,7 @@ def read(path: str | Path, *, trust: bool = False) -> Scene:
         smallest=smallest,
         end=end,
         step=how.positive("step_ms", 20.0 if dressing else 5.0) * 1e-3,
+        method=how.choice("method", ("implicit", "explicit")),
         rho=rho,
         damping=damping,
         colour=colour,

@@ -83,9 +83,11 @@ def _start(built: Built, progress: bool) -> tuple[Iterator[Step], Any, Any]:
     """The steps to come, the solver that tells reactions, and what a checkpoint keeps of them."""
     scene, name = built.scene, built.scene.title if progress else None
     if scene.dynamic:
-        motion, _ = built.cloth.newmark(
-            built.areal_mass, built.bcs, built.acting, rho=scene.rho, damping=scene.damping, set_load=built.set_load
-        )
+        same: dict[str, Any] = {"damping": scene.damping, "set_load": built.set_load}
+        if scene.method == "explicit":
+            fast, _ = built.cloth.explicit(built.areal_mass, built.bcs, built.acting, **same)
+            return fast.march(scene.end, scene.step, progress=name), fast, fast
+        motion, _ = built.cloth.newmark(built.areal_mass, built.bcs, built.acting, rho=scene.rho, **same)
         return motion.march(scene.end, scene.step, scene.smallest, name), motion.solver, motion
     solver, parts, last = built.cloth.equilibrium(built.bcs, built.acting), [], 0.0
     for turn in scene.turns:
