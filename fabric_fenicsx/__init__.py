@@ -106,8 +106,8 @@ short, each ends in an exact check, and are meant to be copied and changed.
 - **Slack cloth** has many wrinkled states. Which one is found depends on mesh, steps and round-off; statics may find
   none; a motion goes through them.
 - **Transverse shear** of cloth is not measured; the sheet takes the first shear modulus of its plane for it.
-- **Branches.** A mesh that is read has none. Where three panels are sewn together their directors turn as one; the
-  first cells at a fold are too soft in bending, by an error that goes with their size. A seam is a shared edge, or
+- **Branches.** A mesh that is read has none. Where three panels are sewn together their directors turn as one, without
+  a hinge. A seam is a shared edge, or
   stitches (`terms.stitches`) that let two panels open, fold without a moment and tear between two steps; with contact
   of the sheet with itself, the two edges must start apart.
 - **Size.** A direct solver takes 7.1 GB for 340 x 340 cells; others (`solvers.linear`) suit motion and sheets

@@ -38,7 +38,8 @@ class Seam:
         name: of the group of its edges, if it is to have one.
         lean: by which angle (rad) the director of the seam leans out over each edge from the panel's face, at rest. By
             default it does not: the cloth goes on flat. Half the angle of a fold, away from the faces, for both. The
-            sheets are tied to each other: their directors there are one, and turn together.
+            sheets are tied to each other: their directors there are one, and turn together, each as long as it
+            goes through that sheet's thickness.
         joined: whether nodes of the edges are one. If not, tie them by `terms.stitches.Stitches`, which can open.
     """
 

@@ -45,6 +45,7 @@ def quadratic(shell: Any, strain: Expr, points: Array) -> tuple[Any, Any, Any]:
         misfit |= bool(np.abs(S @ probe - change).max(initial=0.0) > 1e-8 * np.abs(change).max(initial=0.0))
         # exact zeros: a thin sheet would feel a membrane strain of round-off when it bends
         S[np.abs(S) < 1e-11 * np.abs(S).max(axis=(2, 3), keepdims=True, initial=0.0)] = 0.0
+        S *= (shell.sizes[part, :, None] * shell.sizes[part, None, :])[:, None]
         pieces.append(np.where(i == j, 0.5, 1.0) * (S[..., i, j] + S[..., j, i]) / 2)
     shell.q.x.array[:] = kept
     if mesh.comm.allreduce(misfit):

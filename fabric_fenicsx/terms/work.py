@@ -83,7 +83,7 @@ class InternalWork(Term):
 
     @cached_property
     def form(self) -> Form:
-        """Virtual work of the stress, in UFL, not relaxed; a law has a hook of its own there."""
+        """Virtual work of the stress, in UFL, not relaxed, of directors of length 1; a law has a hook of its own."""
         result, test, mesh = Form([]), ufl.TestFunction(self._space.V), self._space.mesh
         own = [(k, self._cells[: self._owned]) for k in range(len(self.parts))]  # a kernel each: see `ShellSpace`
         for k, (strain, response, rule) in enumerate(self.parts):
@@ -182,6 +182,14 @@ class _Shell:
             there = placing.at_rest(part, cells)
             self.rest = np.ascontiguousarray(there[:, 1:] - there[:, :1])
         """The same at rest."""
+        self.sizes = np.ones((len(cells), self.rest.shape[1] + directors.shape[1]))
+        """Of the vectors of each cell: places as they are, directors that lean at rest so long that they go through
+        the thickness, as the cut of a mitre."""
+        if placing.leaning(space.mesh) is not None:
+            n = np.cross(self.rest[:, 0], self.rest[:, 1])
+            n /= np.linalg.norm(n, axis=1, keepdims=True)
+            along = np.einsum("cni,ci->cn", space.normal.x.array.reshape(-1, 3)[directors], n)
+            self.sizes[:, self.rest.shape[1] :] = 1 / along
 
 
 class _Part:
