@@ -122,23 +122,27 @@ from . import system
 
 __version__ = "0.2.0.dev0"
 MISSING = ""
+COMMAND = Path(sys.argv[0]).stem == "fabric-fenicsx"
+HELP = COMMAND and (len(sys.argv) == 1 or not {"-h", "--help", "--version"}.isdisjoint(sys.argv))
+"""Whether the command is only asked what it can do, which takes no library."""
 
 system.settle()
 try:
-    if find_spec("dolfinx_solver"):
-        import dolfinx_solver  # noqa: F401  the wheel's DOLFINx finds its MPI only after this
-    import dolfinx
+    if not HELP:
+        if find_spec("dolfinx_solver"):
+            import dolfinx_solver  # noqa: F401  the wheel's DOLFINx finds its MPI only after this
+        import dolfinx
 
-    if not dolfinx.__version__.startswith("0.11."):
-        raise ImportError(f"DOLFINx is version {dolfinx.__version__}")
-    from . import compiling
+        if not dolfinx.__version__.startswith("0.11."):
+            raise ImportError(f"DOLFINx is version {dolfinx.__version__}")
+        from . import compiling
 
-    compiling.install()
+        compiling.install()
 except ImportError as error:
     MISSING = (
         f"fabric_fenicsx needs DOLFINx 0.11 ({error}): run 'make setup' in its source folder, or take it "
         "from the pip extra fabric_fenicsx[wheel], conda-forge's fenics-dolfinx, Debian's python3-dolfinx or "
         "the dolfinx/dolfinx container."
     )
-    if Path(sys.argv[0]).stem != "fabric-fenicsx":  # whose doctor tells what is missing
+    if not COMMAND:  # whose doctor tells what is missing
         raise ImportError(MISSING) from error

@@ -536,6 +536,17 @@ def test_doctor_works_without_dolfinx_and_nothing_else_does(tmp_path):
     assert refused.returncode == 1 and "make setup" in refused.stderr and "Traceback" not in refused.stderr
 
 
+def test_help_loads_no_library(tmp_path):
+    """Nor does it need any."""
+    for name in "dolfinx", "numpy", "mpi4py":
+        (tmp_path / f"{name}.py").write_text("raise ImportError('it is hidden')\n")
+    hidden = {"PYTHONPATH": os.pathsep.join([str(tmp_path), str(ROOT)])}
+    for words in [], ["--help"], ["run", "-h"], ["--version"]:
+        answer = apart(*words, **hidden)
+        assert "fabric-fenicsx" in answer.stdout + answer.stderr and "hidden" not in answer.stderr, words
+        assert answer.returncode == (0 if words else 2)
+
+
 def test_doctor_sees_what_became_of_compiled_forms(tmp_path, monkeypatch):
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     (tmp_path / "fenics").mkdir()

@@ -1,5 +1,6 @@
 """The studies in their quick form: what they find, and the files that they leave."""
 
+import argparse
 import csv
 import runpy
 import sys
@@ -50,9 +51,19 @@ def test_stability(study):
     assert [row["verdict"] for row in rows] == ["works", "refused", *["works"] * 4]
 
 
-def test_stability_of_contact(study):
-    status, _, rows = study("stability", "--quick", "--only", "contact_steps")
+def test_stability_of_contact_and_bending(study):
+    status, _, rows = study("stability", "--quick", "--only", "contact_steps", "bending")
     assert status == 0 and "impact takes" in rows[0]["said"]
+    assert [row["verdict"] for row in rows[1:]] == ["works", "works"]
+
+
+def test_parts_of_an_iteration_add_up(monkeypatch, tmp_path):
+    monkeypatch.syspath_prepend(DEMOS)
+    import iteration
+
+    row = iteration.measured(10, argparse.Namespace(end=0.02, also=["--bending", "layers"]))
+    named = [row[part] for part in ("law", "element stiffness", "sum of the matrix", "directors", "factors", "ledger")]
+    assert min(named) > 0 and row["rest"] > -0.01 * row["us_each"] and sum(named) < row["us_each"]
 
 
 def test_the_gap_decides_the_error_of_a_lifted_strip(monkeypatch):

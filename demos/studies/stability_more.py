@@ -10,7 +10,10 @@ from stability_trials import ANY, BLEND, COMM, REFUSED, WORKS, G, NotRestored, T
 
 from fabric_fenicsx import sheet
 from fabric_fenicsx.errors import StepFailed
+from fabric_fenicsx.fabrics.bending import BendingCurve, BendingCurves
 from fabric_fenicsx.laws import driver
+from fabric_fenicsx.laws.bending import Bending
+from fabric_fenicsx.laws.potential import Potential
 from fabric_fenicsx.laws.svk import StVenantKirchhoff
 from fabric_fenicsx.laws.woven import Woven
 from fabric_fenicsx.solvers import energy, explicit, motion, statics
@@ -18,10 +21,10 @@ from fabric_fenicsx.surfaces import meshing
 from fabric_fenicsx.terms import supports, weakform
 
 
-def falling(law=None):
+def falling(law=None, bending=None):
     """A sheet of 2 m, held over patches in its corners, with its areal mass and its weight."""
     domain = meshing.read(meshing.MESHES / "drape.geo", COMM, side=2.0, n=10, a=0.2)
-    cloth = sheet.Sheet(domain, law or Woven(BLEND), BLEND.thickness, (G, G))
+    cloth = sheet.Sheet(domain, law or Woven(BLEND), BLEND.thickness, (G, G), bending=bending)
     areal_mass = BLEND.density * BLEND.thickness
     weight = cloth.weight(areal_mass, ufl.as_vector((0.0, 0.0, -9.81)))
     return cloth, areal_mass, weight, supports.hinge(domain, cloth.space, "corner_patches")
@@ -73,6 +76,31 @@ def explicit_steps(quick):
         yield Trial(f"{factor:g} of the stable step", lambda f=factor: fall(f), WORKS if factor <= 1 else REFUSED)
     if not quick:
         yield Trial("1.1, made all the same", lambda: fall(1.1, True), ANY)
+
+
+def bending(quick):
+    """Bending stiffness and friction of its own, times a factor, in a drape until it rebounds; law with a potential."""
+    curves, friction = BLEND.bending_or_estimate(), 1e-3  # N
+
+    def fall(factor, rubs):
+        def times(curve):
+            return BendingCurve(factor * curve.B, hysteresis=factor * friction if rubs else 0.0)
+
+        own = BendingCurves(*(times(curve) for curve in (curves.warp, curves.weft, curves.twist)))
+        cloth, areal_mass, weight, bcs = falling(Potential(BLEND), Bending(own))
+        run, ledger = cloth.newmark(areal_mass, bcs, weight, rho=0.8)
+        iterations = cuts = 0
+        for step in run.march(0.05 if quick else 0.3, 5e-3):
+            iterations, cuts = iterations + step.newton_iterations, cuts + step.step_cuts
+        lost = ledger.worst / max(ledger.most, 1e-300)
+        return (
+            f"{iterations / step.number:.1f} iterations a step, {cuts} cuts, imbalance {100 * lost:.2f} %",
+            lost <= 0.03,
+        )
+
+    for factor in (1e-3, 1e3) if quick else (1e-3, 1e-2, 1e-1, 1.0, 1e1, 1e2, 1e3):
+        for rubs in (True,) if quick else (False, True):
+            yield Trial(f"B x {factor:g}{', with friction' if rubs else ''}", lambda f=factor, r=rubs: fall(f, r))
 
 
 def inputs(quick):
@@ -146,5 +174,6 @@ SUBJECTS = (
     stability_trials.loads,
     time_steps,
     explicit_steps,
+    bending,
     inputs,
 )

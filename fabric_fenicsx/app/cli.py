@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from ..output.series import Colour
 
 STRIP = Path(__file__).parent.parent / "meshes" / "strip.geo"
+RANKS = {"PMI_RANK", "PMIX_RANK", "OMPI_COMM_WORLD_RANK"}  # one of which mpirun sets: what is said is said once then
 UNBALANCED = 0.05  # imbalance of energy, as a part of the external work, from which a run is wrong
 
 COMPLETION = """\b
@@ -277,7 +278,7 @@ def main() -> None:
     """Run the command line; a fault is one sentence, and the status is not zero."""
     arguments = [word for word in sys.argv[1:] if word != "--traceback"]
     shown = len(arguments) < len(sys.argv) - 1
-    if fabric_fenicsx.MISSING:
+    if fabric_fenicsx.MISSING or (fabric_fenicsx.HELP and not RANKS & set(os.environ)):
         sys.exit(app.main(arguments, "fabric-fenicsx"))
     from mpi4py import MPI
 
