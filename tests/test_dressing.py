@@ -16,9 +16,9 @@ from fabric_fenicsx.garments.sewing import Seam, sew
 from fabric_fenicsx.laws.svk import StVenantKirchhoff
 from fabric_fenicsx.material import Material
 from fabric_fenicsx.output import results
+from fabric_fenicsx.solvers.unknowns import add_forces
 from fabric_fenicsx.surfaces import placing
 from fabric_fenicsx.terms import supports
-from fabric_fenicsx.terms.term import add_forces
 
 COMM = MPI.COMM_WORLD
 R, LENGTH, E, H, SMALLER = 0.1, 0.05, 2e5, 1e-3, 0.95

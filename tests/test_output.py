@@ -92,8 +92,8 @@ def stretched(comm, kind, curved=False):
     if kind != "membrane":
         parts[1].interpolate(lambda x: [0 * x[0], -1 + 0 * x[0], 0 * x[0]])
     cloth.q.x.scatter_forward()
-    for points in cloth.points:
-        points.evaluate()
+    for term in cloth.terms:
+        term.evaluate()
     return cloth
 
 

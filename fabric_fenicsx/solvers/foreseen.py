@@ -57,7 +57,6 @@ class Foreseen:
     def right(self, b: PETSc.Vec, given: np.ndarray) -> PETSc.Vec:
         """Right-hand side at residual b, once linearised, and terms made ready for its matrix; of what is given, b."""
         right = b.duplicate()
-        self._unknowns.add_up()
         self._unknowns.residual(right)
         right.array_w[given] = b.array_r[given]
         self.linearise(0.0)

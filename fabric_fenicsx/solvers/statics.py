@@ -125,8 +125,7 @@ class StaticSolver(Reactions):
 
     def assemble(self, x: PETSc.Vec, b: PETSc.Vec) -> None:
         """Residual b (N) at the last x and its stresses, under the present loads; gaps (m) at given unknowns."""
-        self._unknowns.add_up(self.impulses)
-        self._unknowns.residual(b)
+        self._unknowns.residual(b, self.impulses)
         self._size = b.norm(PETSc.NormType.NORM_INFINITY)
         gap = x.array_r[self._given] - self._targets[self._given]
         b.array_w[self._given] = gap

@@ -1,6 +1,6 @@
 """What a Newton iteration solves for: displacements, angles of a shell, and unknowns that terms bring with them."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import numpy as np
@@ -11,7 +11,7 @@ from petsc4py import PETSc
 from ..laws import Array
 from ..shell.directors import ShellSpace
 from ..terms.extra import extra_force, extra_of
-from ..terms.term import Term, add_forces
+from ..terms.term import Term
 from .leading import free_part, limited
 
 
@@ -119,8 +119,9 @@ class Unknowns:
             x.array_w[: self.owned] += (way if self._space is None else self._space.rate(way))[: self.owned]
             self.take(x)
 
-    def residual(self, b: PETSc.Vec) -> None:
-        """`force` at what is solved for."""
+    def residual(self, b: PETSc.Vec, impulses: float = 1.0) -> None:
+        """The forces of all terms, in `force` as `add_up` leaves them, and at what is solved for, in b."""
+        self.add_up(impulses)
         if self.turn is None:
             self.force.copy(b)
         else:
@@ -145,3 +146,18 @@ class Unknowns:
             self.of_sheet.mult(change, moved.x.petsc_vec)
         moved.x.scatter_forward()
         return np.asarray(moved.x.array)
+
+
+def add_forces(terms: Iterable[Term], total: Array, impulses: float = 1.0) -> None:
+    """Add the forces (N) of some terms to a local array, those of impulsive ones times `impulses`."""
+    late = []
+    for term in terms:
+        if term.impulsive:
+            late.append(term)
+        else:
+            term.add_force(total)
+    if late and impulses != 0.0:
+        force = np.zeros_like(total)
+        for term in late:
+            term.add_force(force)
+        total += impulses * force

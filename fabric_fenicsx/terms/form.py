@@ -175,7 +175,7 @@ class FormTerm(Term):
         """See `Term.renew`."""
         self._since[:] = self.q.x.array
         for hook in self.hooks:
-            hook.points.renew()
+            hook.renew()
 
     def fields(self) -> list[tuple[str, np.ndarray, Array]]:
         """See `Term.fields`."""

@@ -80,7 +80,6 @@ class LawHook:
             domain,
             everywhere if cells is None else cells,
             shape,
-            self._measure,
             weights=self._weights,
             stress=self.stress.ref_coefficient.x.array if cells is None else None,
         )
@@ -103,9 +102,6 @@ class LawHook:
     def _compiled(self) -> fem.Expression:
         return fem.Expression(*self._operand, jit_options=COMPILE)
 
-    def _measure(self, out: Array) -> None:
-        self._compiled.eval(self._mesh, self.points.cells, out)
-
     def _weights(self) -> Array:
         degree = self.dx.metadata()["quadrature_degree"]
         element = basix.ufl.quadrature_element(self._mesh.basix_cell(), degree=degree, scheme="default")
@@ -115,6 +111,7 @@ class LawHook:
 
     def evaluate(self, tangent: bool = True, stiffest: bool = False) -> bool:
         """See `LawPoints.evaluate`; fills the coefficients of the forms."""
+        self._measure()
         good = self.points.evaluate(tangent, stiffest)
         if self._some is not None:
             self.stress.ref_coefficient.x.array.reshape(self._shape)[self._some] = self.points.stress
@@ -125,6 +122,14 @@ class LawHook:
         for copy in self._copies[1:]:
             copy.x.array[:] = self._copies[0].x.array
         return good
+
+    def renew(self) -> None:
+        """See `LawPoints.renew`."""
+        self._measure()
+        self.points.renew()
+
+    def _measure(self) -> None:
+        self._compiled.eval(self._mesh, self.points.cells, self.points.strain)
 
 
 def plain(residual: Form) -> tuple[Form, tuple[LawHook, ...]]:

@@ -29,14 +29,13 @@ class LawPoints:
     """A law at the points of a quadrature rule on some cells of a mesh.
 
     Public: `law`, `history`, and of the last evaluation `strain` and `stress`, shape (cells, points of a cell,
-    components), and `tangent` (cells, points of a cell, components, components).
+    components), and `tangent` (cells, points of a cell, components, components). Who has them fills `strain` before.
 
     Args:
         law: see `laws.Law`.
         domain: the mesh.
         cells: local cells (cells,), this rank's own before ghosts: a law needs no communication.
         shape: points of a cell, and components of the strain.
-        measure: fills an array of the shape of `strain` with the present strains.
         weights: gives, when first needed, what stress times strain is multiplied by to be a work in J, (own cells,
             points of a cell).
         stress: an array to hold it, if it lives elsewhere.
@@ -48,12 +47,11 @@ class LawPoints:
         domain: mesh.Mesh,
         cells: np.ndarray,
         shape: tuple[int, int],
-        measure: Callable[[Array], None],
         *,
         weights: Callable[[], Array],
         stress: Array | None = None,
     ) -> None:
-        self.mesh, self.cells, self.measure = domain, cells, measure
+        self.mesh, self.cells = domain, cells
         self.owned = int(np.searchsorted(cells, domain.topology.index_map(2).size_local))
         """Number of this rank's own cells."""
         self.strain = np.zeros((len(cells), *shape))
@@ -79,13 +77,12 @@ class LawPoints:
         self._moved = False  # whether the state of the last evaluation is the committed one
 
     def evaluate(self, tangent: bool = True, stiffest: bool = False) -> bool:
-        """Strain, then stress, tangent and trial state from the committed one; False if one is not finite.
+        """Stress, tangent and trial state at `strain`, from the committed state; False if one is not finite.
 
         tangent: whether it is wanted; a law that cannot leave it out gives it. stiffest: of the stiffest linear law
         that the law tells, else of the law at its first state; the trial state stays.
         """
         m, history, self._known, self._moved = self.strain.shape[-1], self.history, None, False
-        self.measure(self.strain)
         strain, stress = self.strain.reshape(-1, m), self.stress.reshape(-1, m)
         if stiffest:
             law = getattr(self.law, "stiffest", self.law)
@@ -124,7 +121,7 @@ class LawPoints:
                     warnings.warn(said, stacklevel=2)
 
     def renew(self) -> None:
-        """Evaluate at unknowns that come from a checkpoint; the stress, which came along, stays as it is."""
+        """Evaluate at a strain that comes from a checkpoint; the stress, which came along, stays as it is."""
         stress = self.stress.copy()
         self.evaluate()
         self.stress[:] = stress

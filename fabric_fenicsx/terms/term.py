@@ -4,7 +4,7 @@ Solvers, the account of energies and checkpoints go over a list of terms and kno
 of a shell (`work`), a UFL form (`form`) and inertia (`solvers.motion`) are terms; so is what a user derives.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from typing import Literal
 
 import numpy as np
@@ -137,18 +137,3 @@ class Term:
     def worst(self) -> tuple[float, str]:
         """Largest strain on this rank, infinite where it or its stress is not finite; and where, for a message."""
         return 0.0, ""
-
-
-def add_forces(terms: Iterable[Term], total: Array, impulses: float = 1.0) -> None:
-    """Add the forces (N) of some terms to a local array, those of impulsive ones times `impulses`."""
-    late = []
-    for term in terms:
-        if term.impulsive:
-            late.append(term)
-        else:
-            term.add_force(total)
-    if late and impulses != 0.0:
-        force = np.zeros_like(total)
-        for term in late:
-            term.add_force(force)
-        total += impulses * force

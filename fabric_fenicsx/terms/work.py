@@ -153,7 +153,7 @@ class InternalWork(Term):
     def renew(self) -> None:
         """See `Term.renew`."""
         for part in self._parts:
-            part.evaluate(True, False) if part.points is None else part.points.renew()
+            part.renew()
 
     def fields(self) -> list[tuple[str, np.ndarray, Array]]:
         """See `Term.fields`."""
@@ -220,7 +220,7 @@ class _Part:
             self._tangent = at_points(response).reshape(*self._strain.shape, shape[1])
             self.symmetric = True
         else:
-            self.points = LawPoints(response, mesh, shell.cells, shape, self.measure, weights=lambda: self.weights)
+            self.points = LawPoints(response, mesh, shell.cells, shape, weights=lambda: self.weights)
             self.symmetric = response.symmetric
 
     def measure(self, out: Array) -> None:
@@ -253,11 +253,18 @@ class _Part:
         return (left - self._left) * float(np.einsum("cp,cpa,cpa", self.weights, mean, self._of_start[:n]))
 
     def evaluate(self, tangent: bool, stiffest: bool) -> bool:
+        self.measure(self.strain)
         if self.points is not None:
             return self.points.evaluate(tangent, stiffest)
-        self.measure(self._strain)
         np.einsum("cpab,cpb->cpa", self._tangent, self._strain, out=self._stress)
         return True
+
+    def renew(self) -> None:
+        if self.points is None:
+            self.evaluate(True, False)
+        else:
+            self.measure(self.strain)
+            self.points.renew()
 
     def foresee(self, change: Array) -> None:
         q, (on, back) = self._shell.q.x.array, np.empty((2, *self._shape))
