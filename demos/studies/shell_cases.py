@@ -138,7 +138,8 @@ def pullout_cylinder(settings, comm=MPI.COMM_WORLD):
 def pinched_semicylinder(settings, comm=MPI.COMM_WORLD):
     """A semi-cylinder, clamped at one end, is pinched at the crown of the other (Sze 2004, 3.7), to half of its load.
 
-    Its straight edges slide in their plane. The reference is a mesh of another code, itself 1 to 2 % stiff at first.
+    Its straight edges slide in their plane. The reference is a mesh of another code, itself stiff at first: with 96
+    cells a side the first load is 2.6 % above it, with 64 the next two 0.8 and 0.2 %.
     """
     n = settings.count(16)
     shell = Shell("cylinder.geo", settings, 2068.5, 0.3, settings.thick(3.0), warp=(0, 1, 0), comm=comm,
@@ -152,7 +153,25 @@ def pinched_semicylinder(settings, comm=MPI.COMM_WORLD):
     loads, (W,) = at(data["P_over_Pmax"][half], (data["minusW_isotropic"][half],), settings.steps)
     return Case(
         "pinched_semicylinder", "Semi-cylinder, pinched at its free end", shell, loads,
-        {"minus_W_A": ("A", "z", -1.0)}, {"minus_W_A": W}, {"minus_W_A": W}, 0.035,
+        {"minus_W_A": ("A", "z", -1.0)}, {"minus_W_A": W}, {"minus_W_A": W}, np.where(loads < 0.06, 0.055, 0.02),
+    )  # fmt: skip
+
+
+def pinched_tube(settings, comm=MPI.COMM_WORLD):
+    """A tube on diaphragms is pinched at two points (Sze 2004, 3.6), until it snaps.
+
+    The reference is a mesh of another code, itself stiff: with 64 cells a side, 0.7, 2.1, 2.7 and 3.1 % above it.
+    """
+    shell = octant(settings, 16, comm, 100.0, 200.0, E=30e3, nu=0.3, thickness=settings.thick(1.0))
+    shell.mirror("side", "z")
+    shell.hold("end", "xz")
+    shell.point_force("A", (0, 0, -12000 / 4))
+    data = table("sze2004_3.6_pinched_cylinder_diaphragms.csv")
+    begin = data["P_over_Pmax"] < 0.13
+    loads, (W,) = at(data["P_over_Pmax"][begin], (data["minus_W_A"][begin],), settings.steps)
+    return Case(
+        "pinched_tube", "Tube on diaphragms, pinched until it snaps", shell, loads,
+        {"minus_W_A": ("A", "z", -1.0)}, {"minus_W_A": W}, {"minus_W_A": W}, 0.06,
     )  # fmt: skip
 
 
@@ -210,6 +229,6 @@ def hemisphere(settings, comm=MPI.COMM_WORLD):
 
 CASES = {
     case.__name__: case
-    for case in (end_shear, roll_up, slit_annulus, pullout_cylinder, pinched_semicylinder, scordelis_lo,
-                 pinched_cylinder, hemisphere, heavy_elastica)
+    for case in (end_shear, roll_up, slit_annulus, pullout_cylinder, pinched_semicylinder, pinched_tube,
+                 scordelis_lo, pinched_cylinder, hemisphere, heavy_elastica)
 }  # fmt: skip
