@@ -62,7 +62,7 @@ def rigidity(curve, cells, element):
     return (length / seen) ** 3
 
 
-@pytest.mark.parallel(first=2)
+@pytest.mark.parallel(first=1)
 @pytest.mark.parametrize("element", ["mitc4", "regge"])
 @pytest.mark.parametrize(
     "curve", [BendingCurve(5e-6), BendingCurve(100e-6), BendingCurve(10e-6, 0.0, 0.5e-3)], ids=["5", "100", "friction"]

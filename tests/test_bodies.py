@@ -74,7 +74,7 @@ def test_a_turn_and_its_derivatives(w, v, r):
         assert np.abs(r @ (up - down)[0] / 2e-5 - bend[k]).max() < 1e-8
 
 
-@pytest.mark.parallel(first=2)
+@pytest.mark.parallel(first=1)
 @ELEMENTS
 def test_the_tangent_is_exact_at_any_turn(element):
     """Taylor remainders of order 2, in all unknowns, under forces and moments, far from rest."""
@@ -98,7 +98,7 @@ def test_the_tangent_is_exact_at_any_turn(element):
     assert 1.9 < orders.min() and orders.max() < 2.1
 
 
-@pytest.mark.parallel(first=2)
+@pytest.mark.parallel(first=1)
 @ELEMENTS
 def test_a_moment_on_a_rigid_end_bends_a_strip_to_an_arc(element):
     """Half a circle: x = sin(a)/K, z = (1 - cos a)/K with K = M/(E h^3/12 b) and a = K L."""

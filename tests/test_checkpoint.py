@@ -216,7 +216,7 @@ def test_a_run_is_saved_every_so_many_seconds_and_at_its_end(tmp_path, monkeypat
     assert np.load(path)["numbers"][0] == run.time
 
 
-@pytest.mark.parallel
+@pytest.mark.parallel(first=2)
 @pytest.mark.parametrize("fault", [StepFailed, signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 def test_guard_keeps_the_last_good_state(tmp_path, capsys, fault):
     """A step that fails, and signals to one rank, which let the step end."""
@@ -289,7 +289,7 @@ def drawn(comm, kinematics="shell", turns=(1.0, 0.3)):
     return marching.March(cloth.equilibrium(bcs), put, loads)
 
 
-@pytest.mark.parallel
+@pytest.mark.parallel(first=1)
 @pytest.mark.parametrize("kinematics", ["shell", "membrane"])
 def test_a_march_goes_on_to_the_last_bit(tmp_path, kinematics):
     path = COMM.bcast(tmp_path) / "state.npz"

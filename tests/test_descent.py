@@ -30,7 +30,7 @@ def cloth(law, kinematics="shell", n=3):
     return sheet.Sheet(domain, law, BLEND.thickness, (G, G), kinematics=kinematics)
 
 
-@pytest.mark.parallel
+@pytest.mark.parallel(first=1)
 @pytest.mark.parametrize("kinematics", ["shell", "membrane"])
 def test_forces_are_the_gradient_of_the_potential(kinematics):
     """From a committed state with a history: law, linear parts, pressure, dead load and spring together."""
@@ -55,7 +55,7 @@ def test_forces_are_the_gradient_of_the_potential(kinematics):
         assert (4 * fine - coarse) / 3 == pytest.approx(slope, rel=1e-9)
 
 
-@pytest.mark.parallel
+@pytest.mark.parallel(first=2)
 @pytest.mark.parametrize("name", ["shell, dead load", "shell, pressure", "membrane, dead load", "membrane, pressure"])
 def test_a_flat_sheet_takes_its_load_in_one_step(name):
     """A membrane has no stiffness across itself at first. Both ways of loading are nearly the same in a flat sheet."""

@@ -75,7 +75,7 @@ def test_both_derivatives_are_exact_at_any_angle(triangles, size):
     assert np.abs(np.linalg.norm(q.x.array[space.nodes], axis=1) - 1).max() < 1e-15 * 4
 
 
-@pytest.mark.parallel
+@pytest.mark.parallel(first=1)
 @every_cell
 def test_three_turns_bring_every_director_back(triangles):
     """About the y axis, by 0.9 of half a turn at a time: Rodrigues' formula says where each stands."""
@@ -127,7 +127,7 @@ def test_reference_directors_are_the_normals_on_any_number_of_ranks(triangles):
     assert off.max() < (1e-2 if triangles else np.pi / 24 + 1e-3)
 
 
-@pytest.mark.parallel
+@pytest.mark.parallel(first=1)
 @every_cell
 def test_a_director_given_whole_is_led_there(triangles):
     """Whatever way it goes from the last commit, up to half a turn."""
@@ -154,7 +154,7 @@ def test_a_director_given_whole_is_led_there(triangles):
     assert owned == (5 * 3 if not triangles else 3 * 5 + 2 * 2)
 
 
-@pytest.mark.parallel
+@pytest.mark.parallel(first=1)
 @every_cell
 def test_a_director_in_a_plane_of_symmetry_turns_in_it_alone(triangles):
     domain = cylinder(triangles=triangles)

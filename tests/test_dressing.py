@@ -45,7 +45,7 @@ def contact(sheet, around):
     return Contact(sheet, [around], itself=False, stiffness=2e3, reach=2e-3)
 
 
-@pytest.mark.parallel
+@pytest.mark.parallel(first=1)
 @kinds
 def test_a_tube_of_two_panels_shrinks_onto_a_cylinder_and_is_kept(kind, tmp_path):
     path, cells = COMM.bcast(tmp_path / "worn.npz"), 6 if kind == "triangle" else 12
@@ -73,7 +73,7 @@ def test_a_tube_of_two_panels_shrinks_onto_a_cylinder_and_is_kept(kind, tmp_path
     assert again.cell_strain() == pytest.approx(cloth.cell_strain(), abs=1e-6)
 
 
-@pytest.mark.parallel
+@pytest.mark.parallel(first=1)
 @kinds
 def test_a_frill_gathered_into_a_band_comes_to_balance(kind):
     """1.5 : 1; nothing but the seam pulls it together."""

@@ -90,7 +90,7 @@ def test_axes_are_orthonormal_in_the_surface_and_right_handed(name, cell, order)
     assert ((a @ direction) > 0).all()
 
 
-@pytest.mark.parallel
+@pytest.mark.parallel(first=1)
 @pytest.mark.parametrize("cell", CELLS)
 def test_along_and_around_a_cylinder(cell):
     domain = surface("cylinder", cell=cell, order=1)
@@ -112,7 +112,7 @@ def test_along_and_around_a_cylinder(cell):
         assert largest(axis.x.array.reshape(-1, 3)[: len(other)] - other) < 1e-14
 
 
-@pytest.mark.parallel
+@pytest.mark.parallel(first=1)
 @pytest.mark.parametrize("name", ["cylinder", "hemisphere"])
 def test_axes_of_quadratic_cells_converge_to_the_exact_ones(name):
     """Around the axis of the cylinder; towards the pole of the sphere."""
@@ -207,7 +207,7 @@ def normal_error(name, domain):
     return largest(np.minimum(np.abs(n - exact).max(axis=1), np.abs(n + exact).max(axis=1)))
 
 
-@pytest.mark.parallel(first=2)
+@pytest.mark.parallel(first=1)
 @pytest.mark.parametrize("name", ["cylinder", "hemisphere"])
 @pytest.mark.parametrize("cell, order, rate", [("triangle", 1, 1), ("triangle", 2, 2), ("quadrilateral", 1, 1)])
 def test_order_of_the_directors(name, cell, order, rate):

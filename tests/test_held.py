@@ -51,13 +51,13 @@ CASES = [
 ]
 
 
-@pytest.mark.parallel(first=3)
+@pytest.mark.parallel(first=2)
 @pytest.mark.parametrize(("conditions", "words"), CASES, ids=[str(k) for k in range(len(CASES))])
 def test_what_is_free_is_named(conditions, words):
     assert said(cloth(), *conditions).startswith(words)
 
 
-@pytest.mark.parallel
+@pytest.mark.parallel(first=1)
 @pytest.mark.parametrize("kinematics", ["shell", "membrane"])
 def test_a_piece_that_nothing_holds_is_named_with_its_place(kinematics):
     held_piece = [("clamp", "left")] if kinematics == "shell" else [("clamp", "left"), ("lead", "sheet", 2, 0.0)]

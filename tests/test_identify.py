@@ -760,8 +760,8 @@ def test_the_report_is_one_page_of_html_and_a_pdf(tmp_path):
     own = pages._files(found)
     assert [(way, path.name) for way, path, _ in own][:2] == [("warp", "warp_1.csv"), ("warp", "warp_2.csv")]
     for way, _, (record, *_) in own:  # within the noise and the spread of what was fitted
-        force = pages._force(found, fabric, way, record)
-        rising = slice(0, int(record.displacement.argmax()))
-        assert np.abs(force - record.force)[rising].max() < 0.12 * record.force.max()
+        rising = slice(0, int(record.displacement.argmax()), 4)
+        force = pages._force(found, fabric, way, record.displacement[rising])
+        assert np.abs(force - record.force[rising]).max() < 0.12 * record.force.max()
     pages.write(found, None, tmp_path)
     assert (tmp_path / "report.html").read_text().count("data:image/png;base64,") == 3

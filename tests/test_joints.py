@@ -59,7 +59,7 @@ def loaded(sheet, force):
     return supports.mean(sheet.domain, sheet.space, sheet.q, "up.right", 0)
 
 
-@pytest.mark.parallel
+@pytest.mark.parallel(first=1)
 @kinds
 @pytest.mark.parametrize("third", [False, True])
 def test_two_panels_at_an_angle_bend_as_a_folded_plate(kind, third):
@@ -87,7 +87,7 @@ def test_what_is_sewn_flat_and_starts_at_an_angle_is_bent(kind):
     assert sum(term.energy() for term in sheet.terms) > 1e-4
 
 
-@pytest.mark.parallel
+@pytest.mark.parallel(first=1)
 @kinds
 def test_a_joint_of_three_panels_splits_its_force_by_stiffness(kind):
     """One strip is pulled by two that lie on each other, one of them thrice as stiff."""

@@ -94,7 +94,7 @@ def test_a_free_sheet_resists_no_rigid_motion(kinematics, element):
         assert largest <= 1e-10
 
 
-@pytest.mark.parallel
+@pytest.mark.parallel(first=1)
 @pytest.mark.parametrize(("law", "element"), [("woven", "mitc4"), ("elastic", "regge")])
 def test_the_same_equilibrium_as_by_lu(law, element):
     answers = []
@@ -135,7 +135,7 @@ def test_iterations_hardly_grow_as_the_mesh_is_refined(moves):
     assert counts[1] <= 1.6 * counts[0] <= 16
 
 
-@pytest.mark.parallel
+@pytest.mark.parallel(first=1)
 @pytest.mark.parametrize("stretches", [False, True])
 def test_a_linear_solver_that_does_not_get_there_fails_the_step(stretches):
     """Both where the supports move and in Newton's method; the sheet is back at the last commit."""

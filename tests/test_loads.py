@@ -223,7 +223,7 @@ def strains(space, q):
     return fem.Expression(strain, points).eval(space.mesh, owned).reshape(-1, 6)
 
 
-@pytest.mark.parallel
+@pytest.mark.parallel(first=1)
 @cells
 def test_an_edge_moment_bends_a_strip_to_the_curvature_m_over_ei(triangles):
     """About -y at x = L it lifts the end: the director turns towards -x, and the lower side is stretched."""
@@ -240,7 +240,7 @@ def test_an_edge_moment_bends_a_strip_to_the_curvature_m_over_ei(triangles):
     assert largest(q, supports.unknowns(domain, space, "pulled_end", 2)) == pytest.approx(L * angle / 2, rel=1e-5)
 
 
-@pytest.mark.parallel
+@pytest.mark.parallel(first=1)
 @cells
 def test_an_edge_moment_is_in_balance_at_a_finite_rotation(triangles):
     L, width, h, E = 2.0, 0.6, 0.02, 1e6
@@ -269,7 +269,7 @@ def test_an_edge_moment_is_in_balance_at_a_finite_rotation(triangles):
     assert largest(q, supports.unknowns(domain, space, "pulled_end", 2)) == pytest.approx(L * tip / 2.0, rel=0.01)
 
 
-@pytest.mark.parallel
+@pytest.mark.parallel(first=1)
 @cells
 def test_an_edge_traction_stretches_a_skewed_sheet_evenly(triangles):
     """S11 = T / (F h), S22 = 0, at a stretch F of 1.1."""
@@ -341,7 +341,7 @@ def test_reactions_balance_all_loads_at_once_and_their_tangent_is_exact():
 # Supports
 
 
-@pytest.mark.parallel
+@pytest.mark.parallel(first=1)
 @cells
 def test_between_two_grips_a_strip_moves_as_one_body(triangles):
     domain = strip(triangles=triangles)

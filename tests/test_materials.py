@@ -77,7 +77,7 @@ def tension(fabric, stretch, yarns):
     return float(getattr(fabric, yarns).stress(E)) * fabric.thickness * (1 + stretch)
 
 
-@pytest.mark.parallel
+@pytest.mark.parallel(first=1)
 @pytest.mark.parametrize("kinematics", ["shell", "membrane"])
 def test_two_fabrics_in_series_are_springs_in_series(kinematics):
     """Warp of one against weft of the other; one force, and the displacements add up."""
@@ -95,7 +95,7 @@ def test_two_fabrics_in_series_are_springs_in_series(kinematics):
     assert seam == pytest.approx(a * SPLIT, rel=1e-6)
 
 
-@pytest.mark.parallel
+@pytest.mark.parallel(first=1)
 @pytest.mark.parametrize("kinematics", ["shell", "membrane"])
 def test_two_fabrics_in_parallel_are_springs_in_parallel(kinematics):
     cloth = panels(woven(BLEND), woven(MUSLIN, warp=(0, 1, 0)), kinematics=kinematics)
@@ -123,7 +123,7 @@ def hanging(materials, comm=COMM, kinematics="shell", method="newmark", **settin
     return cloth, run, ledger
 
 
-@pytest.mark.parallel(first=3)
+@pytest.mark.parallel(first=2)
 @pytest.mark.parametrize("method", ["newmark", "explicit"])
 @pytest.mark.parametrize("make", [lambda: woven(BLEND), elastic], ids=["woven", "elastic"])
 @pytest.mark.parametrize("kinematics", ["shell", "membrane"])
@@ -198,7 +198,7 @@ def test_the_stable_step_is_that_of_the_stiffest_material():
     assert hard < 0.3 * weak and both == pytest.approx(hard, rel=0.1)
 
 
-@pytest.mark.parallel
+@pytest.mark.parallel(first=1)
 @pytest.mark.parametrize("right", [lambda: woven(MUSLIN, layers=2), elastic], ids=["woven", "elastic"])
 def test_a_motion_of_two_materials_closes_its_account_and_goes_on_from_a_checkpoint(right, tmp_path):
     path = COMM.bcast(tmp_path) / "state.npz"

@@ -63,7 +63,7 @@ READ = {
 }
 
 
-@pytest.mark.parallel(first=4)
+@pytest.mark.parallel(first=2)
 @pytest.mark.parametrize("name", READ)
 def test_an_inp_file_is_read_whole(name):
     cells, points, pieces, z, named = READ[name]
@@ -141,7 +141,7 @@ def test_sets_of_several_instances_go_by_the_names_of_both(tmp_path):
     assert found["both"] == {0: 3} and found["second"] == {2: 1} and found["I"] == found["J"] == {2: 1}
 
 
-@pytest.mark.parallel
+@pytest.mark.parallel(first=1)
 @pytest.mark.parametrize("degree", [1, 2])
 def test_a_set_of_nodes_stands_for_the_edges_between_them(tmp_path, degree):
     text = HEAD + "5, 2, 0\n6, 2, 1\n*ELEMENT, TYPE=S4\n1, 1, 2, 3, 4\n2, 2, 5, 6, 3\n*NSET, NSET=left\n1, 4\n"
@@ -154,7 +154,7 @@ def test_a_set_of_nodes_stands_for_the_edges_between_them(tmp_path, degree):
     assert domain.entities("left")[0] == 0
 
 
-@pytest.mark.parallel
+@pytest.mark.parallel(first=1)
 @pytest.mark.parametrize("element", ["mitc4", "regge"])
 def test_a_shell_is_clamped_at_a_set_of_nodes(tmp_path, element):
     text, quads = HEAD + "5, 2, 0\n6, 2, 1\n", element == "mitc4"

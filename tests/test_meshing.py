@@ -58,7 +58,7 @@ def maximum(a, b):
     return np.maximum(a, b)
 
 
-@pytest.mark.parallel
+@pytest.mark.parallel(first=1)
 @pytest.mark.parametrize("gdim", [2, 3])
 def test_a_geo_file_with_numbers_of_its_own_and_from_outside(gdim):
     domain = meshing.read(STRIP, COMM, gdim=gdim)
@@ -91,7 +91,7 @@ def test_an_unknown_group_is_answered_with_the_known_ones():
         domain.entities("end")
 
 
-@pytest.mark.parallel
+@pytest.mark.parallel(first=1)
 @pytest.mark.parametrize("binary", [0, 1])
 def test_a_msh_file_gives_the_mesh_back(tmp_path, binary):
     path = folder(tmp_path) / "strip.msh"

@@ -100,7 +100,7 @@ def stretched(comm, kind, curved=False):
 # --- fields
 
 
-@pytest.mark.parallel
+@pytest.mark.parallel(first=2)
 @pytest.mark.parametrize("kind", ["membrane", "regge", "mitc4"])
 def test_fields_hold_what_the_sheet_does(tmp_path, kind):
     """The exact strain, stress, yarns and director of a homogeneous deformation, at cells and nodes, on any ranks."""

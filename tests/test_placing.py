@@ -121,7 +121,7 @@ def radii(x):
     return np.hypot(x[:, 0], x[:, 1])
 
 
-@pytest.mark.parallel
+@pytest.mark.parallel(first=1)
 @kinds
 def test_a_tube_sewn_from_a_flat_panel_is_the_seamless_one(kind):
     """A membrane: wherever it starts from, to all digits."""
@@ -131,7 +131,7 @@ def test_a_tube_sewn_from_a_flat_panel_is_the_seamless_one(kind):
         assert radii(inflated(cloth(sewn(kind, start), "membrane"))) == pytest.approx(exact, rel=1e-10)
 
 
-@pytest.mark.parallel
+@pytest.mark.parallel(first=1)
 @kinds
 def test_a_shell_sewn_from_a_flat_panel_is_bent_and_does_not_know_its_start(kind):
     """Its weft is as curved as the tube; that hardly makes it narrower."""
@@ -145,7 +145,7 @@ def test_a_shell_sewn_from_a_flat_panel_is_bent_and_does_not_know_its_start(kind
     assert np.abs(first.cell_strain()[:, 4]).mean() == pytest.approx(1 / R, rel=0.1)
 
 
-@pytest.mark.parallel
+@pytest.mark.parallel(first=1)
 @kinds
 def test_a_shell_that_lies_turned_at_rest_is_the_one_that_does_not(kind):
     """Twisted, in motion, and by its rigid motions, mass and checkpoints."""
@@ -173,7 +173,7 @@ def test_a_shell_that_lies_turned_at_rest_is_the_one_that_does_not(kind):
     assert moved[1][1] == pytest.approx(moved[0][1], rel=1e-6, abs=1e-12)
 
 
-@pytest.mark.parallel
+@pytest.mark.parallel(first=1)
 @kinds
 def test_work_without_a_form_is_that_of_its_form(kind):
     sheet = cloth(sewn(kind, 1.1 * R))
@@ -190,7 +190,7 @@ def test_work_without_a_form_is_that_of_its_form(kind):
     assert forces[0] == pytest.approx(forces[1], rel=1e-8, abs=1e-8 * np.abs(forces[1]).max())
 
 
-@pytest.mark.parallel
+@pytest.mark.parallel(first=1)
 @kinds
 def test_masses_and_areas_are_those_of_the_panel(kind):
     domain = sewn(kind, 2 * R)

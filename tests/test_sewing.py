@@ -56,7 +56,7 @@ def total(domain, name):
     return COMM.allreduce(int((edges < domain.mesh.topology.index_map(1).size_local).sum()))
 
 
-@pytest.mark.parallel
+@pytest.mark.parallel(first=1)
 @pytest.mark.parametrize("kind", ["quadrilateral", "triangle"])
 def test_a_shirt_of_two_panels_is_one_sheet(kind):
     garment = shirt(kind)

@@ -66,7 +66,7 @@ def sentence(solver, put, kind=StepFailed):
     return str(error.value), seen
 
 
-@pytest.mark.parallel(first=2)
+@pytest.mark.parallel(first=1)
 @pytest.mark.parametrize("kinematics", ["shell", "membrane"])
 @pytest.mark.parametrize("fault", ["stress", "tangent", "infinite", "state"])
 def test_a_law_that_goes_wrong_cuts_the_step(fault, kinematics):

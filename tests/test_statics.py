@@ -57,7 +57,7 @@ def test_a_warp_angle_that_is_no_number_is_refused(warp):
             yarns.plane_axes(domain, given)
 
 
-@pytest.mark.parallel(first=4)
+@pytest.mark.parallel(first=2)
 @pytest.mark.parametrize("turn", [0.0, 2.0])
 @pytest.mark.parametrize("law", LAWS)
 @pytest.mark.parametrize("cell", ["triangle", "quadrilateral"])
@@ -120,7 +120,7 @@ def test_a_failed_step_leaves_no_trace_and_its_halves_agree_with_a_clean_run():
     assert np.array_equal(scene.u.x.array, clean.u.x.array)
 
 
-@pytest.mark.parallel
+@pytest.mark.parallel(first=1)
 @pytest.mark.parametrize("search", ["basic", "bt"])
 def test_a_march_cuts_what_fails_grows_again_and_meets_every_load(search):
     # at most 0.03 of strain an increment, and the third step needs less

@@ -54,7 +54,7 @@ def series(d):
     return force(s), force(s) / (ACROSS * W)
 
 
-@pytest.mark.parallel
+@pytest.mark.parallel(first=1)
 @pytest.mark.parametrize("kind", ["quadrilateral", "triangle"])
 def test_panels_and_their_seam_are_springs_in_series(kind):
     cloth, stitches = panels(kind)
@@ -73,7 +73,7 @@ def test_panels_and_their_seam_are_springs_in_series(kind):
     assert not stitches.torn.any() and COMM.allreduce(stitches.dissipated()) == 0.0
 
 
-@pytest.mark.parallel
+@pytest.mark.parallel(first=1)
 @pytest.mark.parametrize("kinematics", ["membrane", "shell"])
 def test_forces_are_those_of_the_gap_and_turn_with_the_sheet(kinematics):
     """Panels that move as wholes: a W g across the seam, b W s along it, in whatever direction that is."""

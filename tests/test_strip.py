@@ -157,7 +157,7 @@ def test_a_table_is_written_by_rank_0_row_by_row(tmp_path):
     assert [p.name for p in path.parent.iterdir()] == ["history.csv"]
 
 
-@pytest.mark.parallel
+@pytest.mark.parallel(first=1)
 @pytest.mark.parametrize("degree", [1, 2])
 def test_fields_are_written_and_a_picture_is_drawn(tmp_path, degree, capsys):
     domain = scenes.grid(COMM, "triangle", skew=0.2)

@@ -57,7 +57,7 @@ def hypar(triangles, cells=16, comm=COMM):
     return domain
 
 
-@pytest.mark.parallel
+@pytest.mark.parallel(first=2)
 @pytest.mark.parametrize("order", [(0, 1), (1, 0)], ids=["clamp first", "symmetry first"])
 @both
 def test_half_of_a_clamped_hypar_is_as_soft_as_the_whole(triangles, order):
@@ -89,7 +89,7 @@ KINDS = {
 MEETINGS = ["clamp top", "grip side", "hinge top", "top middle", "clamp grip", "clamp top middle", "grip side hinge"]
 
 
-@pytest.mark.parallel
+@pytest.mark.parallel(first=1)
 @both
 def test_in_any_order_the_same_is_held_and_a_curved_sheet_is_at_rest(triangles):
     """Forces of round-off only, against E h times the size."""
@@ -105,7 +105,7 @@ def test_in_any_order_the_same_is_held_and_a_curved_sheet_is_at_rest(triangles):
             assert all(np.array_equal(a, b) for a, b in zip(seen[0], other, strict=True))
 
 
-@pytest.mark.parallel
+@pytest.mark.parallel(first=1)
 @both
 def test_a_grip_in_a_plane_of_symmetry_moves_the_sheet_as_one_body(triangles):
     """About x and along y and z, in the plane x = 0, whatever comes first."""
@@ -133,7 +133,7 @@ def test_explicit_motion_begins_at_rest_beside_a_plane_of_symmetry(triangles):
     assert np.abs(np.linalg.norm(cloth.q.x.array[cloth.space.nodes], axis=1) - 1).max() < 1e-14
 
 
-@pytest.mark.parallel
+@pytest.mark.parallel(first=1)
 @both
 def test_supports_that_contradict_each_other_are_refused_on_every_rank(triangles):
     domain = cylinder(triangles)
@@ -189,7 +189,7 @@ def moment(cloth, forces, about=(0.0, 0.0, 0.0)):
     return COMM.allreduce(total)
 
 
-@pytest.mark.parallel
+@pytest.mark.parallel(first=1)
 @both
 def test_the_moment_at_a_clamp_is_the_load_times_its_arm(triangles):
     """At rest and far bent; of a moment at the end, that moment: with no force at all the directors take it."""

@@ -84,7 +84,7 @@ FORMATS = {
 }
 
 
-@pytest.mark.parallel(first=3)
+@pytest.mark.parallel(first=2)
 @pytest.mark.parametrize("kind, suffix", [(k, s) for k, some in FORMATS.items() for s in some])
 def test_a_surface_comes_back_from_each_format(tmp_path, kind, suffix):
     points, cells = tube(kind)
@@ -156,7 +156,7 @@ f 2 -1 3
     assert abs(area(domain) - (1 + np.sqrt(2) / 2)) < 1e-12
 
 
-@pytest.mark.parallel
+@pytest.mark.parallel(first=1)
 @pytest.mark.parametrize("kind", ["triangle", "triangle6"])
 def test_gmsh_s_groups_of_cells_and_edges_through_meshio(tmp_path, kind):
     points, cells = tube(kind)
@@ -204,7 +204,7 @@ def test_orientation_is_mended_to_that_of_most_cells(tmp_path, kind):
     assert abs(area(domain) - np.pi) < (3e-5 if kind[-1] in "69" else 0.02)
 
 
-@pytest.mark.parallel
+@pytest.mark.parallel(first=1)
 @pytest.mark.parametrize("order", [1, 2])
 def test_orientation_of_gmsh_s_patches_is_mended(tmp_path, order):
     text = """
@@ -225,7 +225,7 @@ Physical Surface("small") = {1}; Physical Surface("large") = {2};
     assert abs(area(domain) - 1 - np.sqrt(5)) < 1e-12
 
 
-@pytest.mark.parallel
+@pytest.mark.parallel(first=1)
 @pytest.mark.parametrize("triangles, name", [(1, "triangle"), (0, "quadrilateral")])
 def test_quadratic_cells_of_gmsh_stay_quadratic(triangles, name):
     domain = meshing.read(scenes.MESHES / "cylinder.geo", COMM, triangles=triangles, order=2)

@@ -69,7 +69,7 @@ def remainders(solver, scale=0.02):
     return np.log2(np.array(left[:-1]) / left[1:])
 
 
-@pytest.mark.parallel(first=2)
+@pytest.mark.parallel(first=1)
 @pytest.mark.parametrize("make", [crease, thread])
 @pytest.mark.parametrize(("kinematics", "triangles"), [("shell", 0), ("membrane", 1)])
 def test_the_tangent_of_a_term_between_cells_is_exact(make, kinematics, triangles):
@@ -87,7 +87,7 @@ def test_the_tangent_of_a_term_between_cells_is_exact(make, kinematics, triangle
     assert abs(one - other) < 1e-12 * (K * v).norm() * w.norm()
 
 
-@pytest.mark.parallel
+@pytest.mark.parallel(first=1)
 @pytest.mark.parametrize("stiffness", [0.0, 5e-3])
 def test_a_crease_stiffens_the_two_cells_that_it_joins(stiffness):
     """A strip is bent by a moment: flat cells turn by sin(angle) = M h/EI, those at the crease have EI + k h/2."""

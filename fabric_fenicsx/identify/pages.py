@@ -88,7 +88,8 @@ def _recorded(found: Identified, fabric: Fabric | None) -> list[tuple[str, "Figu
         some = slice(None, None, max(1, len(record.force) // SHOWN))
         one.plot(1e3 * record.displacement[some], record.force[some], ".", ms=2.5, color="0.55", label="reading")
         if fabric:
-            one.plot(1e3 * record.displacement, _force(found, fabric, way, record), label="fabric", **plots.FITTED)
+            d = record.displacement[some]
+            one.plot(1e3 * d, _force(found, fabric, way, d), label="fabric", **plots.FITTED)
         plots.label(one, "", "displacement (mm)", "force (N)")
         one.set_title(f"{way}: {record.file}", size=8, parse_math=False)
     for one in axes[len(panels) :]:
@@ -97,9 +98,9 @@ def _recorded(found: Identified, fabric: Fabric | None) -> list[tuple[str, "Figu
     return [("Tests as they were recorded", figure)]
 
 
-def _force(found: Identified, fabric: Fabric, way: str, record: Record) -> Array:
-    """Force (N) of a strip of the fabric that is strained evenly, and does not push."""
-    strip, d = found.tests.strip, record.displacement
+def _force(found: Identified, fabric: Fabric, way: str, d: Array) -> Array:
+    """Force (N) of a strip of the fabric that is strained evenly by displacements d (m), and does not push."""
+    strip = found.tests.strip
     E = curves.green_lagrange(d, strip.gauge_length)
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", message=".*is beyond the measured")

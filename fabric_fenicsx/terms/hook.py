@@ -111,7 +111,7 @@ class LawHook:
 
     def evaluate(self, tangent: bool = True, stiffest: bool = False) -> bool:
         """See `LawPoints.evaluate`; fills the coefficients of the forms."""
-        self._measure()
+        self._compiled.eval(self._mesh, self.points.cells, self.points.strain)
         good = self.points.evaluate(tangent, stiffest)
         if self._some is not None:
             self.stress.ref_coefficient.x.array.reshape(self._shape)[self._some] = self.points.stress
@@ -124,12 +124,10 @@ class LawHook:
         return good
 
     def renew(self) -> None:
-        """See `LawPoints.renew`."""
-        self._measure()
-        self.points.renew()
-
-    def _measure(self) -> None:
-        self._compiled.eval(self._mesh, self.points.cells, self.points.strain)
+        """Evaluate at unknowns that come from a checkpoint; the stress, which came along, stays as it is."""
+        stress = self.points.stress.copy()
+        self.evaluate()
+        self.points.stress[:] = stress
 
 
 def plain(residual: Form) -> tuple[Form, tuple[LawHook, ...]]:

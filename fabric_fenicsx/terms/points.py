@@ -120,12 +120,6 @@ class LawPoints:
                 if self.mesh.comm.rank == 0:
                     warnings.warn(said, stacklevel=2)
 
-    def renew(self) -> None:
-        """Evaluate at a strain that comes from a checkpoint; the stress, which came along, stays as it is."""
-        stress = self.stress.copy()
-        self.evaluate()
-        self.stress[:] = stress
-
     def fields(self) -> list[tuple[str, np.ndarray, Array]]:
         """See `Term.fields`."""
         count, points, m = self.strain.shape

@@ -153,7 +153,9 @@ class InternalWork(Term):
     def renew(self) -> None:
         """See `Term.renew`."""
         for part in self._parts:
-            part.renew()
+            kept = None if part.points is None else part.stress.copy()  # came from the checkpoint
+            part.evaluate(True, False)
+            part.stress[:] = part.stress if kept is None else kept
 
     def fields(self) -> list[tuple[str, np.ndarray, Array]]:
         """See `Term.fields`."""
@@ -258,13 +260,6 @@ class _Part:
             return self.points.evaluate(tangent, stiffest)
         np.einsum("cpab,cpb->cpa", self._tangent, self._strain, out=self._stress)
         return True
-
-    def renew(self) -> None:
-        if self.points is None:
-            self.evaluate(True, False)
-        else:
-            self.measure(self.strain)
-            self.points.renew()
 
     def foresee(self, change: Array) -> None:
         q, (on, back) = self._shell.q.x.array, np.empty((2, *self._shape))
