@@ -20,7 +20,7 @@ from fabric_fenicsx.garments import limbs
 
 def main():
     args = bending_limb.arguments(
-        __doc__, fabric=["muslin"], ease=[0.0, 15.0], length=0.24, angle=120.0, out=Path("out/elbow")
+        __doc__, fabric=["muslin"], ease=[5.0, 20.0], length=0.24, angle=120.0, out=Path("out/elbow")
     )
     arm = limbs.arm(size=1e-3 * args.skin)
     return bending_limb.play(arm, "elbow", args, MPI.COMM_WORLD)

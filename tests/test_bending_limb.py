@@ -4,6 +4,8 @@ import numpy as np
 import pytest
 import test_demos
 
+from fabric_fenicsx.surfaces import meshing
+
 demo, read, look = test_demos.demo, test_demos.read, test_demos.look
 QUICK = "--fabric soft --ease 4 --friction 0 --angle 6 --step 2 --cell 45 --skin 25 --reach 3"
 
@@ -31,3 +33,17 @@ def test_two_ranks_bend_the_same_sleeve(demo, tmp_path):
     one, two = (read(tmp_path / ranks / "soft_4" / "history.csv") for ranks in ("one", "two"))
     for column in ("moment_Nm", "work_J", "stored_J", "pressure_peak_Pa", "strain_cloth", "slip_max_m"):
         assert two[column] == pytest.approx(one[column], abs=1e-6 * np.abs(one[column]).max())
+
+
+@pytest.mark.slow
+def test_a_shirt_is_dressed_onto_a_torso_that_bears_its_weight(demo, tmp_path):
+    status, said, _ = demo("tshirt.py", "--cell", "60", "--skin", "40", "--reach", "3", "--out", tmp_path)
+    table = read(tmp_path / "history.csv")
+    assert status == 0 and "bears the weight: yes" in said and table["relaxed"][-1] == 1.0
+    assert not table["crossed"].any() and table["pressed_m2"][-1] > 0.0
+    look(tmp_path / "deformed.png")
+
+
+def test_another_body_is_told_its_arm(demo, tmp_path):
+    status, _, error = demo("tshirt.py", "--body", meshing.MESHES / "bag.obj", "--out", tmp_path)
+    assert status != 0 and "tell the places of --joint and --elbow" in error

@@ -81,8 +81,8 @@ FLOORS = [
     },
     {
         "garments": [
-            {"limb", "outlines"},
-            {"panels"},
+            {"limb", "outlines", "implicit", "human"},
+            {"panels", "torso"},
             {"sewing", "limbs", "dxf", "measures"},
             {"dressing", "garmentcode", "hips"},
             {"patterns"},

@@ -10,12 +10,12 @@ from functools import cached_property
 from typing import Literal
 
 import numpy as np
-from scipy.interpolate import CubicHermiteSpline
 from scipy.spatial.transform import Rotation
 
 from ..contact.deforming import Deforming
 from ..errors import InputError
 from ..laws import Array
+from . import implicit
 from .limb import Joint, motion
 from .limbs import sizes
 
@@ -102,54 +102,28 @@ class Hips:
 
     def _parts(self, x: Array, turns: Sequence[Rotation]) -> list[Array]:
         """How far places are above the trunk and the two thighs, about, m."""
-        low = -0.6 * self.thigh
-        z = np.clip(x[:, 2], low, self.height)
-        across = [CubicHermiteSpline([low, 0.0, self.height], [0.75 * s, s, w], [0.0, 0.0, 0.0])(z)
-                  for s, w in zip(self.seat, self.waist, strict=True)]  # fmt: skip
-        scaled = np.stack([x[:, 0] / across[0], x[:, 1] / across[1], (x[:, 2] - z) / across[1]], axis=1)
-        steep = np.stack([scaled[:, 0] / across[0], scaled[:, 1] / across[1], scaled[:, 2] / across[1]], axis=1)
-        size = np.linalg.norm(scaled, axis=1)
-        found = [size * (size - 1) / np.maximum(np.linalg.norm(steep, axis=1), 1e-9)]
+        low = 0.75 * self.seat[0], 0.75 * self.seat[1]
+        found = [implicit.column(x, [-0.6 * self.thigh, 0.0, self.height], [low, self.seat, self.waist])]
         for turn, side in zip(turns, (self.apart, -self.apart), strict=True):
-            own = turn.inv().apply(x - [side, 0, 0])
-            part = np.clip(-own[:, 2] / self.length, 0.0, 1.0)
-            own[:, 2] += part * self.length
-            found.append(np.linalg.norm(own, axis=1) - self.thigh - (self.knee - self.thigh) * part)
+            ends = (0.0, 0.0, 0.0), (0.0, 0.0, -self.length)
+            found.append(implicit.cone(turn.inv().apply(x - [side, 0, 0]), ends, (self.thigh, self.knee)))
         return found
 
     def _depth(self, x: Array, turns: Sequence[Rotation]) -> Array:
         """Above the skin it is positive, m."""
-        trunk, left, right = self._parts(x, turns)
-        for other in (left, right):
-            share = np.maximum(FILLET - np.abs(trunk - other), 0.0) / FILLET
-            trunk = np.minimum(trunk, other) - FILLET / 6 * share**3
-        return np.asarray(trunk)
+        return implicit.union(self._parts(x, turns), FILLET)
 
     def _onto(self, x: Array, turns: Sequence[Rotation]) -> Array:
         """The same corners, moved onto the skin along its gradient."""
-        step = 1e-5 * np.eye(3)
-        for _ in range(12):
-            slope = np.stack([self._depth(x + e, turns) - self._depth(x - e, turns) for e in step], axis=1) / 2e-5
-            away = self._depth(x, turns)[:, None] * slope / np.maximum(np.sum(slope**2, axis=1, keepdims=True), 0.1)
-            x = x - np.clip(away, -self.size, self.size)
-        return x
+        return implicit.onto(lambda x: self._depth(x, turns), x, self.size)
 
     @cached_property
     def _made(self) -> tuple[Array, np.ndarray]:
         """Corners and triangles where the hips stand, each about as large."""
-        import pyvista
-
-        still = self._turns(0.0, 0.0)
-        wide = max(*self.seat, *self.waist, self.apart + self.thigh) + 2 * self.size
-        low, high = -self.length - self.knee - 2 * self.size, self.height + max(self.waist) + 2 * self.size
-        counts = [int(np.ceil(a / self.size)) + 1 for a in (2 * wide, 2 * wide, high - low)]
-        grid = pyvista.ImageData(dimensions=counts, spacing=[self.size] * 3, origin=(-wide, -wide, low))
-        surface = grid.contour([0.0], scalars=self._depth(np.asarray(grid.points), still)).clean()
-        surface = surface.smooth(n_iter=60, relaxation_factor=0.1)
-        faces = surface.regular_faces.astype(np.int32)
-        x = self._onto(np.asarray(surface.points, dtype=float), still)
-        a, b, c = x[faces].transpose(1, 0, 2)
-        return x, faces if np.sum(a * np.cross(b, c)) > 0.0 else faces[:, ::-1]
+        still, size = self._turns(0.0, 0.0), self.size
+        wide = max(*self.seat, *self.waist, self.apart + self.thigh) + 2 * size
+        low, high = -self.length - self.knee - 2 * size, self.height + max(self.waist) + 2 * size
+        return implicit.surface(lambda x: self._depth(x, still), (-wide, -wide, low), (wide, wide, high), size)
 
     @cached_property
     def _shares(self) -> Array:

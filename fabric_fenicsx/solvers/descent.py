@@ -124,7 +124,7 @@ class StableSolver(StaticSolver):
     def _go_down(self) -> int:
         x = self._x
         b, E = self._at(x)
-        correction, escapes, rises, whole = np.inf, 0, 0, True
+        correction, escapes, rises, whole, lowest = np.inf, 0, 0, True, np.inf
         start: tuple[PETSc.Vec, float, PETSc.Vec] | None = None
         for iteration in range(self._most_iterations + 1):
             self._count = iteration
@@ -133,12 +133,12 @@ class StableSolver(StaticSolver):
                 raise self.failure("residual or energy is not finite")
             if self.converged(None, self._count, (x.norm(), correction, norm)) is not None:
                 way = self._way_down(x)
-                if not self.descends or way is None:
+                if not self.descends or way is None or E >= lowest:  # at a kink a pivot tells of one side only
                     self._take(x)
                     return self._count
                 if escapes == ESCAPES:
                     raise self.failure("every balance is unstable")
-                escapes, rises, start, correction = escapes + 1, 0, None, np.inf
+                escapes, rises, start, correction, lowest = escapes + 1, 0, None, np.inf, E
                 self._foreseen.forget()
                 b, E = self._escape(x, E, way)
                 continue
