@@ -16,7 +16,7 @@ import numpy as np
 from dolfinx import fem
 
 from fabric_fenicsx.app import command
-from fabric_fenicsx.garments import dressing, measures
+from fabric_fenicsx.garments import dressing
 from fabric_fenicsx.garments.panels import Edge, Flat, Panel, Rolled
 from fabric_fenicsx.garments.sewing import Seam, sew
 from fabric_fenicsx.laws.svk import StVenantKirchhoff
@@ -61,10 +61,9 @@ def tube(kind, start):
         p.value = value
 
     list(march(solver, set_load, [PRESSURE]))
-    x = measures.middles(sheet)
-    x = x[:, :2] - x[:, :2].mean(axis=0)
-    middle = 1.0 if kind == "triangle" else np.cos(np.pi / 48)  # of a chord
-    return np.hypot(*x.T).mean() / middle / R / np.sqrt(1 + 2 * PRESSURE * R / (SOFT * H)) - 1
+    radius = start + supports.mean(sheet.domain, sheet.space, sheet.q, "0.left", 0)
+    chords = 1.0 if kind == "triangle" else np.pi / 48 / np.sin(np.pi / 48)  # quadratic cells are round
+    return radius / chords / R / np.sqrt(1 + 2 * PRESSURE * R / (SOFT * H)) - 1
 
 
 def upright(points):
