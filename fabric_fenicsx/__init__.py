@@ -101,9 +101,10 @@ short, each ends in an exact check, and are meant to be copied and changed.
 - **Energy.** The default law makes none. That of Chapter 6 (`continuous`, `printed`) has no potential: round a closed
   loop of strains in two directions it can make energy, much of it where Poisson's ratios are large (duck, muslin). The
   balance of energies closes all the same; `solvers.energy.Ledger.made` tells what was made.
-- **Garments.** Skin does not give way: beyond about 100 degrees an elbow pinches the cloth in its fold, and moments there
-  are too large. What a sleeve of thin cloth loses in snaps from one wrinkled state to another hangs on cells and steps;
-  `demos/elbow.py` tells it apart. Hands and feet of limbs are stubs, hips swing by 30 degrees, a human body stands.
+- **Garments.** Skin does not give way: beyond about 100 degrees an elbow pinches the cloth in its fold, and moments
+  there are too large. What a sleeve of thin cloth loses in snaps from one wrinkled state to another hangs on cells and
+  steps; `demos/elbow.py` tells it apart. Hands and feet of limbs are stubs, hips swing by 30 degrees, a human body
+  stands.
 - **Slack cloth** has many wrinkled states. Which one is found depends on mesh, steps and round-off; statics may find
   none; a motion goes through them.
 - **Transverse shear** of cloth is not measured; the sheet takes the first shear modulus of its plane for it.
