@@ -118,10 +118,10 @@ class Shell:
     def stiffness(self):
         """Tangent at rest in V, a SciPy matrix."""
         self.strains(self.space.function().x.array)
-        tangent = self.free.tangent
-        tangent.sum_up()
-        indptr, indices, entries = tangent.K.getValuesCSR()
-        return scipy.sparse.csr_array((entries, indices, indptr))
+        rows, columns = self.work.pattern()
+        entries = np.zeros(len(rows))
+        self.work.add_stiffness(entries)
+        return scipy.sparse.coo_array((entries, (rows, columns))).tocsr()
 
     @property
     def stress(self):

@@ -37,8 +37,8 @@ def angles(space, size, seed=0):
     y = fem.Function(space.W)
     rng = np.random.default_rng(seed)
     y.x.array[:] = 0.1 * rng.standard_normal(len(y.x.array))
-    theta = rng.standard_normal(space._theta.shape)
-    y.x.array[space._theta] = size * theta / np.linalg.norm(theta, axis=1, keepdims=True)
+    theta = rng.standard_normal(space.angles.shape)
+    y.x.array[space.angles] = size * theta / np.linalg.norm(theta, axis=1, keepdims=True)
     return y
 
 
@@ -88,11 +88,11 @@ def test_three_turns_bring_every_director_back(triangles):
         goal = start @ np.array([[c, 0, s], [0, 1, 0], [-s, 0, c]]).T
         # the axis y in each frame: t = y x d0, by the angle of the step
         t = step * np.cross([0.0, 1.0, 0.0], space.frame[:, 2])
-        y.x.array[space._theta] = np.einsum("nj,naj->na", t, space.frame[:, :2])
+        y.x.array[space.angles] = np.einsum("nj,naj->na", t, space.frame[:, :2])
         space.turn(y, q)
         space.commit(y)
         assert np.abs(q.x.array[space.nodes] - goal).max() < 1e-13 * k
-        assert not y.x.array[space._theta].any()
+        assert not y.x.array[space.angles].any()
     assert turns[-1] * step == pytest.approx(9 * 2 * np.pi)
 
 
@@ -141,7 +141,7 @@ def test_a_director_given_whole_is_led_there(triangles):
     for angle in (2.5, 5.0, -0.5, -0.5 + 0.999 * np.pi):
         move((0.0, 0.0, 0.0), (0.0, angle, 0.0))
         values = space.targets(conditions, y)
-        y.x.array[space._theta] = values[space._theta]
+        y.x.array[space.angles] = values[space.angles]
         space.turn(y, q)
         space.commit(y)
         # normals at the top are those of the first cell alone, and turn with the grip
@@ -182,9 +182,9 @@ def test_a_director_in_two_planes_of_symmetry_is_fixed():
     conditions = supports.symmetry(domain, space, "top", 0) + supports.symmetry(domain, space, "middle", 1)
     fixed = space.supports(conditions)
     corner = np.flatnonzero((space.frame[:, 2] == [0, 0, 1]).all(axis=1))
-    assert np.isin(space._theta[corner], fixed).all(axis=1).sum() == 1
+    assert np.isin(space.angles[corner], fixed).all(axis=1).sum() == 1
     q, y = space.function(), fem.Function(space.W)
-    assert not space.targets(conditions, y)[space._theta].any()
+    assert not space.targets(conditions, y)[space.angles].any()
     space.turn(y, q)
     assert np.abs(q.x.array[space.nodes] - space.frame[:, 2]).max() == 0
 

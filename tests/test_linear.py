@@ -11,9 +11,9 @@ from fabric_fenicsx import fabrics, sheet
 from fabric_fenicsx.errors import StepFailed
 from fabric_fenicsx.laws.svk import StVenantKirchhoff
 from fabric_fenicsx.laws.woven import Woven
-from fabric_fenicsx.solvers import linear
+from fabric_fenicsx.solvers import linear, tangent
 from fabric_fenicsx.surfaces import meshing
-from fabric_fenicsx.terms import supports
+from fabric_fenicsx.terms import supports, term
 
 COMM = MPI.COMM_WORLD
 BLEND = fabrics.load("blend")
@@ -168,3 +168,34 @@ def test_symmetric_systems_are_factorised_as_such(kind):
         heights.append(solver.u.x.array.copy())
     assert np.abs(heights[1]).max() > 0.0
     assert np.abs(heights[0] - heights[1]).max() < 1e-8 * np.abs(heights[1]).max()
+
+
+class Untold(term.Term):
+    """Another term, which does not tell its stiffness by angles."""
+
+    def __init__(self, other):
+        self.pattern, self.add_stiffness = other.pattern, other.add_stiffness
+
+
+@pytest.mark.parallel
+@pytest.mark.parametrize("element", ["mitc4", "regge"])
+def test_a_matrix_summed_up_at_once_is_the_product_of_the_one_by_directors(element):
+    """On several ranks a consistent mass is not told by angles, and both are the product."""
+    solver = falling(square("woven", 6, element), {})
+    x = solver.begin()
+    x.array_w[:] += 1e-3 * np.random.default_rng(COMM.rank).standard_normal(x.local_size)
+    solver.residual(x)
+    at_once, force = solver.tangent, solver._unknowns.force
+    terms = [Untold(other) for other in at_once._terms]
+    product = tangent.Tangent(terms, at_once._space, at_once._shell, at_once._turn)
+    assert at_once._whole == (COMM.size == 1) and not product._whole
+    for matrix in (at_once, product):
+        matrix.assemble(force)
+    difference = product.A.copy()
+    difference.axpy(-1.0, at_once.A)
+    assert difference.norm() < 1e-14 * product.A.norm()
+    # what turns the directors is a good part of it
+    own = solver._shell.W.dofmap.index_map.local_to_global(solver._shell.angles.ravel().astype(np.int32))
+    begin, end = product.A.getOwnershipRange()
+    angles = own[(own >= begin) & (own < end)].astype(np.int32)
+    assert np.abs(product.A.getDiagonal().array_r[angles - begin]).min() > 0.0

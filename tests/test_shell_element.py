@@ -187,7 +187,7 @@ def test_the_tangent_is_exact_with_the_woven_law_at_any_turn(element, degrees):
     frame, d = space.frame, space.frame[:, 2] @ R.T
     along = np.einsum("nij,nj->ni", frame, d)
     sine = np.linalg.norm(along[:, :2], axis=1)
-    y.x.array[space._theta] = along[:, :2] * (np.arctan2(sine, along[:, 2]) / np.maximum(sine, 1e-12))[:, None]
+    y.x.array[space.angles] = along[:, :2] * (np.arctan2(sine, along[:, 2]) / np.maximum(sine, 1e-12))[:, None]
     part, dofs = space.W.sub(0).collapse()
     u = fem.Function(part)
     u.interpolate(lambda x: R @ U @ x - x)
@@ -242,7 +242,7 @@ def modes(shell, pinned=False):
     K = scipy.sparse.csr_array((entries, indices, indptr)).toarray()
     K = (K + K.T) / 2  # the law's tangent is not symmetric
     scale = np.ones(len(K))
-    scale[space._theta] = 1 / H
+    scale[space.angles] = 1 / H
     part, dofs = space.W.sub(0).collapse()
     x, free = part.tabulate_dof_coordinates(), np.arange(len(K))
     if pinned:

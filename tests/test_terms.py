@@ -79,7 +79,7 @@ def test_the_tangent_of_a_term_between_cells_is_exact(make, kinematics, triangle
     solver = cloth.equilibrium([])
     assert solver.symmetric
     assert remainders(solver).min() > 1.9
-    K = solver.tangent.K
+    K = solver.tangent.A
     v, w = (K.createVecRight() for _ in range(2))
     for k, vector in enumerate((v, w)):
         vector.array_w[:] = np.random.default_rng([k, COMM.rank]).standard_normal(v.local_size)

@@ -1,14 +1,14 @@
 """Unit directors at nodes, turned by two angles each, without a limit (5.43)-(5.55).
 
-A shell's weak form is written in the mid-surface displacement u and the director d, six numbers a node:
-strains are then polynomials. But a director has unit length, so the solver's unknown is the
-displacement and two angles theta, about which d turns from the director d0 of the last commit,
+A shell's weak form is written in the mid-surface displacement u and the director d, six numbers a node: strains are
+then polynomials. But a director has unit length, so the solver's unknown is the displacement and two angles theta,
+about which d turns from the director d0 of the last commit,
 
     d = cos|t| d0 + sin|t|/|t| t,    t = theta_1 e1 + theta_2 e2,    (e1, e2, d0) orthonormal,
 
-((5.43) to (5.46), sign of the last term mended). A commit makes d the new d0, so a step may turn by
-anything less than half a turn, and a strip may roll up as often as it likes. Between nodes d is
-interpolated, as in Chapter 5: strains do not change when the whole shell turns.
+((5.43) to (5.46), sign of the last term mended). A commit makes d the new d0, so a step may turn by anything less than
+half a turn, and a strip may roll up as often as it likes. Between nodes d is interpolated, as in Chapter 5: strains do
+not change when the whole shell turns.
 """
 
 from collections.abc import Callable, Sequence
@@ -34,12 +34,12 @@ ELEMENTS = {
 }
 """Name -> cell, element of the displacement, element of the director, degree of the rule for shear.
 
-"regge" is the default on triangles, quadratic in displacement, with directors at the middles of the edges;
-"p2cr1" is the same with the strain of the displacement itself, which locks. "mitc4" is the default on
-quadrilaterals, bilinear, with assumed shear and membrane strains (see `assumed_strain`); below a thickness of 1e-4
-of the length it needs a fine mesh or a regular one. "q1" is the thesis's element, with the strains of the
-displacement and transverse shear at one point: it locks on skewed meshes, and a pattern of a sheet, nodes that go up
-and down by turns, costs it no energy; pins at the corners may not stop it.
+"regge" is the default on triangles, quadratic in displacement, with directors at the middles of the edges; "p2cr1" is
+the same with the strain of the displacement itself, which locks. "mitc4" is the default on quadrilaterals, bilinear,
+with assumed shear and membrane strains (see `assumed_strain`); below a thickness of 1e-4 of the length it needs a fine
+mesh or a regular one. "q1" is the thesis's element, with the strains of the displacement and transverse shear at one
+point: it locks on skewed meshes, and a pattern of a sheet, nodes that go up and down by turns, costs it no energy; pins
+at the corners may not stop it.
 """
 
 ASKEW = 0.3
@@ -52,8 +52,8 @@ DEGREE = 2
 class ShellSpace:
     """The spaces of a shell on a surface mesh, and its directors.
 
-    V: displacement and director (u, d), in which forms are written. W: displacement and angles
-    (u, theta), in which the solver solves. `normal`, `start`: see `kinematics.reference`.
+    V: displacement and director (u, d), in which forms are written. W: displacement and angles (u, theta), in which the
+    solver solves. `normal`, `start`: see `kinematics.reference`.
 
     element: a name in `ELEMENTS`, by default the first for the cells of the mesh. dx, dx_shear: measures of
     its strains and of its transverse shear.
@@ -79,8 +79,7 @@ class ShellSpace:
             for degree in (DEGREE, self.shear_degree)
         )
         if self.shear_degree == 1:
-            # a kernel of its own: in one with another rule, FFCx 0.11 takes what it computes for a single point as
-            # constant in the cell, and uses it at the points of the other rule too
+            # in one kernel with another rule, FFCx 0.11 takes what it computes for a point as constant in the cell
             cells = np.arange(domain.topology.index_map(2).size_local, dtype=np.int32)
             self.dx_shear = self.dx_shear(subdomain_data=[(1, cells)], subdomain_id=1)
         displacement = basix.ufl.element(u_family, cell, u_degree, shape=(3,))
@@ -92,10 +91,10 @@ class ShellSpace:
         # the same cell's unknowns in V and W, one after the other
         V, W = self.V.dofmap.list, self.W.dofmap.list
         split = V.shape[1] - 3 * (V.shape[1] - W.shape[1])
-        self._u = np.unique(np.column_stack([V[:, :split].ravel(), W[:, :split].ravel()]), axis=0)
+        self.displaced = np.unique(np.column_stack([V[:, :split].ravel(), W[:, :split].ravel()]), axis=0)
         in_v, in_w = V[:, split:].reshape(-1, 3), W[:, split:].reshape(-1, 2)
         _, first = np.unique(in_v[:, 0], return_index=True)
-        self.nodes, self._theta = in_v[first], in_w[first]
+        self.nodes, self.angles = in_v[first], in_w[first]
         """Unknowns of each local node: of its director in V (nodes, 3), of its angles in W (nodes, 2)."""
         self._owned = self.nodes[:, 0] < self.V.dofmap.index_map.size_local
 
@@ -103,7 +102,7 @@ class ShellSpace:
         self._in_v = in_v[0]
         self.normal, self.start = kinematics.reference(directors)
         self.lay(self.start.x.array.reshape(-1, 3).copy())
-        self._angles, self._derivative = np.zeros((len(self.nodes), 2)), np.empty((len(self.nodes), 2, 3))
+        self._angles, self.slopes = np.zeros((len(self.nodes), 2)), np.empty((len(self.nodes), 2, 3))
         self.bodies: list[Body] = []
         """What moves as one, see `join`."""
         self._map = self._transformation()
@@ -129,8 +128,8 @@ class ShellSpace:
         """
         if hasattr(self, "_led"):
             raise InputError(f"The group {name!r} becomes rigid too late: say so before a solver is made.")
-        moves, W = self._u[np.searchsorted(self._u[:, 0], nodes), 1], self.W.dofmap.index_map
-        own = rows, nodes, self.nodes[rows], places, moves, self._theta[rows]
+        moves, W = self.displaced[np.searchsorted(self.displaced[:, 0], nodes), 1], self.W.dofmap.index_map
+        own = rows, nodes, self.nodes[rows], places, moves, self.angles[rows]
         self.bodies.append(Body(name, self.mesh.comm, self.V.dofmap.index_map, W, *own))
         every = np.concatenate([body.nodes[:, 0] for body in self.bodies])
         if self.mesh.comm.allreduce(len(np.unique(every)) < len(every)):
@@ -155,11 +154,11 @@ class ShellSpace:
         matrix.setPreallocationNNZ((8, 6) if self.bodies else (2, 0))
         indices = [m.local_to_global(np.arange(m.size_local + m.num_ghosts, dtype=np.int32)) for m in maps]
         matrix.setLGMap(*(PETSc.LGMap().create(i.astype(PETSc.IntType), comm=self.mesh.comm) for i in indices))
-        owned = self._u[self._u[:, 0] < maps[0].size_local].astype(PETSc.IntType)
+        owned = self.displaced[self.displaced[:, 0] < maps[0].size_local].astype(PETSc.IntType)
         joined = np.concatenate([np.empty(0), *(body.nodes.ravel() for body in self.bodies)])
         matrix.setValuesLocalRCV(owned[:, :1], owned[:, 1:], 1.0 - np.isin(owned[:, :1], joined))
         rows = self.nodes[self._owned].reshape(-1, 1).astype(PETSc.IntType)
-        self._rows, self._columns = rows, np.repeat(self._theta[self._owned], 3, axis=0).astype(PETSc.IntType)
+        self._rows, self._columns = rows, np.repeat(self.angles[self._owned], 3, axis=0).astype(PETSc.IntType)
         matrix.setValuesLocalRCV(self._rows, self._columns, np.zeros(self._columns.shape))
         for body in self.bodies:
             matrix.setValuesRCV(*body.pattern, np.zeros(body.pattern[1].shape))
@@ -183,8 +182,8 @@ class ShellSpace:
 
     def at_rest(self, q: Array) -> Array:
         """The local array of W that has the displacements of q, and no angles."""
-        values = np.zeros(2 * len(self._theta) + len(self._u))
-        values[self._u[:, 1]] = q[self._u[:, 0]]
+        values = np.zeros(2 * len(self.angles) + len(self.displaced))
+        values[self.displaced[:, 1]] = q[self.displaced[:, 0]]
         for body in self.bodies:
             body.rest(q, values)
         return values
@@ -192,23 +191,21 @@ class ShellSpace:
     def rate(self, v: Array) -> Array:
         """A velocity v of (u, d), at the directors of the last commit, as a local array of W."""
         values = self.at_rest(v)
-        values[self._theta] = np.einsum("nj,naj->na", v[self.nodes], self.frame[:, :2])
+        values[self.angles] = np.einsum("nj,naj->na", v[self.nodes], self.frame[:, :2])
         for body in self.bodies:
             body.put(np.concatenate(body.rates(v, body.arms, self.frame[body.rows, 2])), values)
         return values
 
-    # -- what a solver asks for --------------------------------------------------------------------------
-
     def turn(self, y: fem.Function, q: fem.Function) -> PETSc.Mat:
         """Set q = (u, d) from y = (u, theta), and return dq/dy; ghosts of y are up to date."""
-        q.x.array[self._u[:, 0]] = y.x.array[self._u[:, 1]]
-        self._angles = y.x.array[self._theta]
-        d, self._derivative = rotation.turned(self.frame, self._angles)
+        q.x.array[self.displaced[:, 0]] = y.x.array[self.displaced[:, 1]]
+        self._angles = y.x.array[self.angles]
+        d, self.slopes = rotation.turned(self.frame, self._angles)
         for body in self.bodies:
             d[body.rows] = body.move(y.x.array, q.x.array, self.frame[body.rows, 2])
-            self._derivative[body.rows] = 0.0
+            self.slopes[body.rows] = 0.0
         self._q, self._d, q.x.array[self.nodes] = q, d, d
-        values = self._derivative[self._owned].transpose(0, 2, 1).reshape(-1, 2)
+        values = self.slopes[self._owned].transpose(0, 2, 1).reshape(-1, 2)
         self._map.setValuesLocalRCV(self._rows, self._columns, np.ascontiguousarray(values))
         for body in self.bodies:
             self._map.setValuesRCV(*body.pattern, body.entries)
@@ -216,27 +213,30 @@ class ShellSpace:
         return self._map
 
     def add_curvature(self, matrix: PETSc.Mat, force: PETSc.Vec) -> None:
-        """Add r . d2d/dtheta2, what the director's own curvature contributes to a Jacobian in W.
-
-        force: residual in V, at the last `turn`.
-        """
-        r = force.array_r[self.nodes[self._owned]]
+        """Add r . d2d/dtheta2, the part of a Jacobian in W of the directors' own curvature; force: residual r in V."""
         for body in self.bodies:
-            r[body.rows[body.owned[1]]] = 0.0
             bent = body.curvature(force.array_r, self.frame[body.rows, 2])
             matrix.setValues(body.columns[3:], body.columns[3:], bent, addv=True)
-        second = rotation.second(self.frame[self._owned], self._angles[self._owned], r)
-        nodes = self.W.dofmap.index_map.local_to_global(self._theta[self._owned].astype(np.int32).ravel())
-        nodes = nodes.astype(PETSc.IntType).reshape(-1, 2)
-        for a in range(2):
-            rows = np.repeat(nodes[:, a : a + 1], 2, axis=0)
-            matrix.setValuesRCV(rows, nodes.reshape(-1, 1), second[:, a].reshape(-1, 1), addv=True)
+        triplets = *self.curvature_pattern(), self.curvature_entries(force)
+        matrix.setValuesRCV(*(numbers.reshape(-1, 1) for numbers in triplets), addv=True)
         matrix.assemble()
+
+    def curvature_pattern(self) -> tuple[np.ndarray, np.ndarray]:
+        """Global rows and columns in W of `curvature_entries`."""
+        own = self.angles[self._owned].astype(np.int32).ravel()
+        nodes = self.W.dofmap.index_map.local_to_global(own).astype(PETSc.IntType).reshape(-1, 2)
+        return np.repeat(nodes, 2, axis=1).ravel(), np.tile(nodes, (1, 2)).ravel()
+
+    def curvature_entries(self, force: PETSc.Vec) -> Array:
+        """What `add_curvature` adds but for rigid bodies, four entries an owned node."""
+        r = force.array_r[self.nodes[self._owned]]
+        r[np.concatenate([np.empty(0, int), *(body.rows[body.owned[1]] for body in self.bodies)])] = 0.0
+        return np.asarray(rotation.second(self.frame[self._owned], self._angles[self._owned], r).ravel())
 
     def commit(self, y: fem.Function) -> None:
         """Make the turned directors the new start; the angles of y become zero."""
         self.frame = rotation.carried(self.frame, self._d)
-        y.x.array[self._theta] = 0.0
+        y.x.array[self.angles] = 0.0
         for body in self.bodies:
             body.settle(self._q.x.array)
             body.rest(self._q.x.array, y.x.array)
@@ -277,7 +277,7 @@ class ShellSpace:
         for move in self.moves:
             move()
         self._led = np.flatnonzero(led)
-        moved, turned = self._u[every[self._u[:, 0]], 1], self._theta
+        moved, turned = self.displaced[every[self.displaced[:, 0]], 1], self.angles
         fixed = np.concatenate([moved, turned[led | (planes > 1)].ravel(), turned[planes == 1, 0]])
         fixed = np.concatenate([fixed, *(body.slaves for body in self.bodies)])
         return np.unique(fixed[fixed < self.W.dofmap.index_map.size_local]).astype(np.int32)
@@ -288,11 +288,11 @@ class ShellSpace:
         check(bcs, self.V)
         put(bcs, values)
         result = np.zeros_like(y.x.array)
-        result[self._u[:, 1]] = values[self._u[:, 0]]
+        result[self.displaced[:, 1]] = values[self.displaced[:, 0]]
         d = rotation.unit(values[self.nodes[self._led]])
         along = np.einsum("nij,nj->ni", self.frame[self._led], d)
         sine = np.linalg.norm(along[:, :2], axis=1)
         angle = np.arctan2(sine, along[:, 2])
         scale = np.divide(angle, sine, out=np.ones_like(sine), where=sine > 0)
-        result[self._theta[self._led]] = along[:, :2] * scale[:, None]
+        result[self.angles[self._led]] = along[:, :2] * scale[:, None]
         return result

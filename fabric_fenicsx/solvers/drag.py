@@ -12,7 +12,7 @@ from ufl.form import Form
 
 from ..laws import Array
 from ..terms.term import Indices, Term
-from .motion import compact
+from .turned import compact
 
 
 class Drag(Term):

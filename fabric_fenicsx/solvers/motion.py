@@ -30,7 +30,7 @@ from ufl.form import Form
 from ..errors import InputError
 from ..laws import Array
 from ..shell.directors import ShellSpace
-from ..terms.term import Indices, Term
+from .turned import compact
 
 
 class Motion:
@@ -252,48 +252,3 @@ class Motion:
         w -= (w * d).sum(axis=1, keepdims=True) * d
         along = (b * d).sum(axis=1, keepdims=True) + (w * w).sum(axis=1, keepdims=True)
         v[dofs], a[dofs] = w, b - along * d
-
-
-class Mass(Term):
-    """What goes with the mass of a motion: its inertia M a, with that of impulses, or its damping a M v.
-
-    `size` is the largest of its nodal forces at the last `add_force`, N.
-    """
-
-    symmetric = True
-
-    def __init__(self, motion: Motion, *, damps: bool = False) -> None:
-        self.motion, self._damps, self.size = motion, damps, 0.0
-        if damps:
-            self.account = "damping"
-
-    def add_force(self, total: Array) -> None:
-        """See `Term.add_force`."""
-        force = self.motion.by_mass(self.motion.velocity if self._damps else self.motion.acceleration)
-        if self._damps:
-            force.scale(self.motion.damping)
-        total[: force.local_size] += force.array_r
-        self.size = force.norm(PETSc.NormType.NORM_INFINITY)
-        if self.motion.jump is not None and not self._damps:
-            force = self.motion.by_mass(self.motion.jump)
-            total[: force.local_size] += force.array_r
-
-    def pattern(self) -> tuple[Indices, Indices]:
-        """See `Term.pattern`."""
-        indptr, columns, self._values = self.motion.mass.getValuesCSR()
-        return np.repeat(np.arange(*self.motion.mass.getOwnershipRange()), np.diff(indptr)), columns
-
-    def add_stiffness(self, values: Array) -> None:
-        """See `Term.add_stiffness`."""
-        motion = self.motion
-        values += (motion.damping * float(motion.rate.value) if self._damps else motion.shift) * self._values
-
-
-def compact(mass: PETSc.Mat) -> PETSc.Mat:
-    """The same without zeros: most of the form's pattern couples what does not move together."""
-    mass.assemble()
-    indptr, columns, values = mass.getValuesCSR()
-    rows = np.repeat(np.arange(len(indptr) - 1), np.diff(indptr))
-    there = (values != 0.0) | (columns == rows + mass.getOwnershipRange()[0])
-    ends = np.concatenate([[0], np.cumsum(np.bincount(rows[there], minlength=len(indptr) - 1))]).astype(PETSc.IntType)
-    return PETSc.Mat().createAIJ(mass.getSizes(), csr=(ends, columns[there], values[there]), comm=mass.comm)

@@ -11,8 +11,9 @@ from petsc4py import PETSc
 from ..terms.extra import extra_force
 from ..terms.form import terms_of
 from ..terms.term import Residual
+from .inertia import Mass
 from .marching import take_up
-from .motion import Mass, Motion
+from .motion import Motion
 from .statics import StaticSolver
 
 

@@ -14,7 +14,8 @@ from ..terms.form import terms_of
 from ..terms.hook import forget_traversals
 from ..terms.term import Residual, Term
 from .checkpoint import Field
-from .motion import Mass, Motion
+from .inertia import Mass
+from .motion import Motion
 from .reactions import Reactions
 
 

@@ -8,7 +8,7 @@ from dolfinx import fem
 from petsc4py import PETSc
 
 from ..shell.directors import ShellSpace
-from ..terms.term import Term
+from ..terms.term import NOWHERE, Indices, Term
 
 
 class Tangent:
@@ -16,8 +16,9 @@ class Tangent:
 
     Its pattern is the union of the terms' patterns, and made anew where one of them says that it has changed.
 
-    Public: `K`, the sum of the terms in the space of q; `A`, what is solved with: K, or of a shell its product with
-    `turn` from both sides and the curvature of its directors.
+    Public: `A`, what is solved with: the sum of the terms in the space of q, or of a shell its product with `turn` from
+    both sides and the curvature of its directors. Where all terms tell their stiffness by displacements and angles, and
+    no unknowns are joined, it is summed up at once.
 
     Args:
         terms: of the residual.
@@ -39,24 +40,40 @@ class Tangent:
         self._build()
 
     def _build(self) -> None:
-        comm, index_map, bs = self._space.mesh.comm, self._space.dofmap.index_map, self._space.dofmap.index_map_bs
+        patterns = self._patterns()
+        V = self._shell.W if self._whole and self._shell is not None else self._space
+        comm, index_map, bs = V.mesh.comm, V.dofmap.index_map, V.dofmap.index_map_bs
         begin, end = index_map.local_range
         # LU needs a diagonal, whatever the terms have
         diagonal = np.arange(begin * bs, end * bs + self._extra)
-        patterns = [*(term.pattern() for term in self._terms), (diagonal, diagonal)]
+        patterns = [*patterns, (diagonal, diagonal)]
         rows, columns = (np.concatenate([np.asarray(p[k], dtype=PETSc.IntType) for p in patterns]) for k in (0, 1))
-        ends = np.cumsum([len(pattern[0]) for pattern in patterns])
         self._values = np.zeros(len(rows))
-        self._parts = np.split(self._values, ends)[: len(self._terms)]
-        self.K = PETSc.Mat().create(comm)
-        self.K.setSizes([[len(diagonal), None]] * 2)
-        self.K.setType(PETSc.Mat.Type.AIJ)
-        self.K.setPreallocationCOO(rows, columns)
-        self.K.setValuesCOO(self._values)
+        self._parts = np.split(self._values, np.cumsum([len(pattern[0]) for pattern in patterns]))
+        self._sum = PETSc.Mat().create(comm)
+        self._sum.setSizes([[len(diagonal), None]] * 2)
+        self._sum.setType(PETSc.Mat.Type.AIJ)
+        self._sum.setPreallocationCOO(rows, columns)
+        self._sum.setValuesCOO(self._values)
         # a copy of a product cannot be the result of the next one: PETSc crashes
-        self.A = self.K if self._turn is None else self.K.ptap(self._turn)
+        self.A = self._sum if self._whole or self._turn is None else self._sum.ptap(self._turn)
         self.A.setOption(PETSc.Mat.Option.KEEP_NONZERO_PATTERN, True)
         self.declare(self._symmetric)
+
+    def _patterns(self) -> list[tuple[Indices, Indices]]:
+        """Of the terms, in what is solved for if all tell it (`_whole`), and of the curvature of the directors then."""
+        shell, known = self._shell, {}
+        at_once = shell is not None and not shell.bodies
+        at_once = at_once and self._turn.size[1] == shell.W.dofmap.index_map.size_global  # type: ignore[union-attr]
+        turned = [term.turned_pattern() if at_once else None for term in self._terms]
+        for k, term in enumerate(self._terms):
+            if turned[k] is None:
+                known[k] = term.pattern()
+                at_once = at_once and not len(known[k][0])
+        self._whole = self._space.mesh.comm.allreduce(at_once, MPI.LAND)
+        if self._whole:
+            return [*(pattern or NOWHERE for pattern in turned), shell.curvature_pattern()]  # type: ignore[union-attr]
+        return [known[k] if k in known else term.pattern() for k, term in enumerate(self._terms)]
 
     def declare(self, symmetric: bool) -> None:
         """Whether `A` is and stays symmetric once given unknowns are eliminated; by default, as the terms are."""
@@ -65,27 +82,28 @@ class Tangent:
             self.A.setOption(option, symmetric)
 
     def follow(self) -> bool:
-        """Whether the pattern of a term has changed; `K` and `A` are then new matrices."""
+        """Whether the pattern of a term has changed; `A` is then a new matrix."""
         changed = any(term.pattern_changed for term in self._terms)
         if self._space.mesh.comm.allreduce(changed, MPI.LOR):
             self._build()
             return True
         return False
 
-    def sum_up(self, impulses: float = 1.0) -> None:
-        """Fill `K` with the stiffness of the terms at their last evaluation, of impulsive ones times `impulses`."""
+    def assemble(self, force: PETSc.Vec, impulses: float = 1.0) -> None:
+        """Fill `A`, before any condition, with the stiffness of the terms at their last evaluation.
+
+        force: sum of the terms' forces in V; impulses: what those of impulsive terms count.
+        """
         self._values[:] = 0.0
-        for term, part in zip(self._terms, self._parts, strict=True):
-            term.add_stiffness(part)
+        for term, part in zip(self._terms, self._parts, strict=False):
+            (term.add_turned if self._whole else term.add_stiffness)(part)
             if term.impulsive:
                 part *= impulses
-        self.K.setValuesCOO(self._values)
-
-    def assemble(self, force: PETSc.Vec, impulses: float = 1.0) -> None:
-        """Fill `A`, before any condition; force: sum of the terms' forces in V, at their last evaluation."""
-        self.sum_up(impulses)
-        if self._shell is not None:
-            self.K.ptap(self._turn, result=self.A)
+        if self._whole:
+            self._parts[len(self._terms)] += self._shell.curvature_entries(force)  # type: ignore[union-attr]
+        self._sum.setValuesCOO(self._values)
+        if self._shell is not None and not self._whole:
+            self._sum.ptap(self._turn, result=self.A)
             self._shell.add_curvature(self.A, force)
 
     def sound(self) -> bool:

@@ -102,14 +102,24 @@ def forces(batch, stress, weights, out):
 
 
 @numba.njit(cache=True, error_model="numpy", fastmath=_FAST)
-def stiffness(batch, tangent, stress, weights, out):
-    """Add to `out` (owned cells, n, n) the stiffness of each cell, of tangent and stress at the points."""
+def stiffness(batch, tangent, stress, weights, turn, out):
+    """Add to `out` (owned cells, n, n) the stiffness of each cell, of tangent and stress at the points.
+
+    turn: None, or numbers of each cell's directors, and by these their derivatives by two angles (directors, 2, 3):
+    the stiffness is then by displacements and angles.
+    """
     M, spans, pairs, rest, start, normal, directors, q, dofs = batch
     nodes, n, strains = start.shape[1], start.shape[1] + directors.shape[1], len(spans)
-    points, size = M.shape[1], 3 * n + 3
+    points, size, moved = M.shape[1], 3 * n + 3, 3 * start.shape[1] + 3
     r, x, W = np.zeros((n, 3, LANES)), np.zeros((n, 3, LANES)), np.empty((len(pairs), LANES))
     side, N = np.empty((points * strains, size, LANES)), np.zeros(LANES)
-    B, CB, K, G = np.empty(side.shape[:2]), np.empty(side.shape[:2]), np.empty((size, size)), np.empty((n + 1, n + 1))
+    last = size if turn is None else moved + 2 * directors.shape[1]
+    B, CB, K, G = (
+        np.empty((len(side), last)),
+        np.empty((len(side), last)),
+        np.empty((last, last)),
+        np.empty((n + 1, n + 1)),
+    )
     for block in range(-(-len(weights) // LANES)):
         cells = min(LANES, len(weights) - block * LANES)
         _gather(block, rest, start, normal, directors, q, dofs, r, x)
@@ -137,14 +147,27 @@ def stiffness(batch, tangent, stress, weights, out):
         for lane in range(cells):
             c = block * LANES + lane
             for a in range(points * strains):
-                for j in range(size):
+                for j in range(moved):
                     B[a, j] = side[a, j, lane]
+                if turn is None:
+                    for j in range(moved, size):
+                        B[a, j] = side[a, j, lane]
+                else:
+                    numbers, slopes = turn
+                    for i in range(directors.shape[1]):
+                        of, at = slopes[numbers[c, i]], moved + 3 * i
+                        for s in range(2):
+                            B[a, moved + 2 * i + s] = (
+                                of[s, 0] * side[a, at, lane]
+                                + of[s, 1] * side[a, at + 1, lane]
+                                + of[s, 2] * side[a, at + 2, lane]
+                            )
             CB[:] = 0.0
             for p in range(points):
                 for a in range(strains):
                     for b in range(strains):
                         C = weights[c, p] * tangent[c, p, a, b]
-                        for j in range(size):
+                        for j in range(last):
                             CB[p * strains + a, j] += C * B[p * strains + b, j]
             np.dot(B.T, CB, K)
             G[:] = 0.0
@@ -157,10 +180,33 @@ def stiffness(batch, tangent, stress, weights, out):
             G[1:, 0] = G[0, 1:]
             for i in range(1, nodes + 1):
                 G[0, 0] -= G[0, i]
-            for i in range(n + 1):
-                for j in range(n + 1):
+            alike = n + 1 if turn is None else nodes + 1
+            for i in range(alike):
+                for j in range(alike):
                     for m in range(3):
                         K[3 * i + m, 3 * j + m] += G[i, j]
-            for i in range(size):
-                for j in range(size):
+            if turn is not None:
+                _turn_stress(G, nodes, numbers[c], slopes, K)
+            for i in range(last):
+                for j in range(last):
                     out[c, i, j] += K[i, j]
+
+
+@numba.njit(forceinline=True, error_model="numpy", fastmath=_FAST)
+def _turn_stress(G, nodes, numbers, slopes, K):
+    """Add what the stress G of a cell does to its angles."""
+    moved = 3 * nodes + 3
+    for i in range(len(numbers)):
+        of = slopes[numbers[i]]
+        for j in range(nodes + 1):
+            for s in range(2):
+                for m in range(3):
+                    change = G[nodes + 1 + i, j] * of[s, m]
+                    K[moved + 2 * i + s, 3 * j + m] += change
+                    K[3 * j + m, moved + 2 * i + s] += change
+        for j in range(len(numbers)):
+            other = slopes[numbers[j]]
+            for s in range(2):
+                for t in range(2):
+                    along = of[s, 0] * other[t, 0] + of[s, 1] * other[t, 1] + of[s, 2] * other[t, 2]
+                    K[moved + 2 * i + s, moved + 2 * j + t] += G[nodes + 1 + i, nodes + 1 + j] * along

@@ -10,6 +10,8 @@ from ufl.core.expr import Expr
 
 from ..errors import InputError
 from ..laws import Array
+from ..shell.directors import ShellSpace
+from ..surfaces import placing
 from .kernels import LANES
 
 CHUNK = 1000  # cells
@@ -63,3 +65,38 @@ def quadratic(shell: Any, strain: Expr, points: Array) -> tuple[Any, Any, Any]:
     blocks[:cells] = M
     blocks = np.moveaxis(blocks.reshape(count, LANES, *M.shape[1:]), 1, 3).copy()
     return blocks, np.array(spans) - low, np.array(pairs[low:high], dtype=np.int64).reshape(-1, 2)
+
+
+def every(V: fem.FunctionSpace, cells: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Global rows and columns of all pairs of a cell's unknowns, cell by cell."""
+    local = V.dofmap.list[cells]
+    dofs = V.dofmap.index_map.local_to_global(local.ravel()).reshape(local.shape)
+    return np.repeat(dofs, dofs.shape[1], axis=1).ravel(), np.tile(dofs, (1, dofs.shape[1])).ravel()
+
+
+class Cells:
+    """Some cells of a shell, as `kernels` want them."""
+
+    def __init__(
+        self, space: ShellSpace, q: fem.Function, cells: np.ndarray, dofs: np.ndarray, directors: np.ndarray
+    ) -> None:
+        self.space, self.q, self.cells, self.dofs, self.directors = space, q, cells, dofs, directors
+        part, where = space.V.sub(0).collapse()
+        x = np.empty((len(q.x.array), 3))
+        x[np.array(where).reshape(-1, 3)[:, 0]] = placing.places(part)
+        nodes = dofs[:, : dofs.shape[1] - 3 * directors.shape[1] : 3]
+        self.start = np.ascontiguousarray(x[nodes[:, 1:]] - x[nodes[:, :1]])
+        """Places of the other nodes of each cell, as seen from the first one, at the start: (cells, nodes - 1, 3)."""
+        self.rest = self.start
+        if placing.of(space.mesh) is not None:
+            there = placing.at_rest(part, cells)
+            self.rest = np.ascontiguousarray(there[:, 1:] - there[:, :1])
+        """The same at rest."""
+        self.sizes = np.ones((len(cells), self.rest.shape[1] + directors.shape[1]))
+        """Of the vectors of each cell: places as they are, directors that lean at rest so long that they go through
+        the thickness, as the cut of a mitre."""
+        if placing.leaning(space.mesh) is not None:
+            n = np.cross(self.rest[:, 0], self.rest[:, 1])
+            n /= np.linalg.norm(n, axis=1, keepdims=True)
+            along = np.einsum("cni,ci->cn", space.normal.x.array.reshape(-1, 3)[directors], n)
+            self.sizes[:, self.rest.shape[1] :] = 1 / along

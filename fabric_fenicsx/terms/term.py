@@ -74,6 +74,16 @@ class Term:
     def add_stiffness(self, values: Array) -> None:
         """Add the derivative of the force by q, at the last evaluation, to values (n,) at the entries of `pattern`."""
 
+    def turned_pattern(self) -> tuple[Indices, Indices] | None:
+        """`pattern` by displacements and angles of a shell, if it can tell its stiffness by them; else None.
+
+        A matrix whose terms all can is summed up at once, and not first in displacements and directors.
+        """
+        return None
+
+    def add_turned(self, values: Array) -> None:
+        """`add_stiffness` by displacements and angles, at the entries of `turned_pattern`."""
+
     def longest_step(self, change: Array) -> float:
         """The part of a change of q (local array) that may be taken at most, on this rank; up to 1."""
         return 1.0

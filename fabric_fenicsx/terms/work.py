@@ -28,7 +28,6 @@ from ufl.form import Form
 
 from ..laws import Array, Law
 from ..shell.directors import ShellSpace
-from ..surfaces import placing
 from . import kernels, pairing, weakform
 from .hook import LawHook
 from .points import LawPoints
@@ -63,7 +62,8 @@ class InternalWork(Term):
         self._cells, self._space, self._whole = cells, space, len(cells) == every.size_local + every.num_ghosts
         self._owned = int(np.searchsorted(cells, every.size_local))
         self._dofs = space.V.dofmap.list[cells]
-        shell = _Shell(space, q, cells, self._dofs, space.normal.function_space.dofmap.list[cells])
+        self._directors = space.normal.function_space.dofmap.list.shape[1]
+        shell = pairing.Cells(space, q, cells, self._dofs, space.normal.function_space.dofmap.list[cells])
         self._parts = [_Part(shell, self._owned, *part) for part in parts]
         self.points = [part.points for part in self._parts if part.points is not None]
         self.symmetric = all(part.symmetric for part in self._parts)
@@ -117,15 +117,23 @@ class InternalWork(Term):
 
     def pattern(self) -> tuple[Indices, Indices]:
         """See `Term.pattern`."""
-        local = self._dofs[: self._owned]
-        dofs = self.q.function_space.dofmap.index_map.local_to_global(local.ravel()).reshape(local.shape)
-        return np.repeat(dofs, dofs.shape[1], axis=1).ravel(), np.tile(dofs, (1, dofs.shape[1])).ravel()
+        return pairing.every(self._space.V, self._cells[: self._owned])
 
     def add_stiffness(self, values: Array) -> None:
         """See `Term.add_stiffness`."""
-        matrices = values.reshape(self._owned, self._dofs.shape[1], self._dofs.shape[1])
         for part in self._parts:
-            kernels.stiffness(part.batch, part.tangent, part.stress, part.weights, matrices)
+            kernels.stiffness(*part.response(), None, values.reshape(self._owned, *[self._dofs.shape[1]] * 2))
+
+    def turned_pattern(self) -> tuple[Indices, Indices]:
+        """See `Term.turned_pattern`."""
+        self._nodes = np.searchsorted(self._space.nodes[:, 0], self._dofs[:, -3 * self._directors :: 3])
+        return pairing.every(self._space.W, self._cells[: self._owned])
+
+    def add_turned(self, values: Array) -> None:
+        """See `Term.add_turned`."""
+        size, turn = self._dofs.shape[1] - self._directors, (self._nodes, self._space.slopes)
+        for part in self._parts:
+            kernels.stiffness(*part.response(), turn, values.reshape(self._owned, size, size))
 
     def energy(self) -> float | None:
         """See `Term.energy`."""
@@ -166,38 +174,10 @@ class InternalWork(Term):
         return max((points.worst() for points in self.points), default=(0.0, ""))
 
 
-class _Shell:
-    """Some cells of a shell, as `kernels` want them."""
-
-    def __init__(
-        self, space: ShellSpace, q: fem.Function, cells: np.ndarray, dofs: np.ndarray, directors: np.ndarray
-    ) -> None:
-        self.space, self.q, self.cells, self.dofs, self.directors = space, q, cells, dofs, directors
-        part, where = space.V.sub(0).collapse()
-        x = np.empty((len(q.x.array), 3))
-        x[np.array(where).reshape(-1, 3)[:, 0]] = placing.places(part)
-        nodes = dofs[:, : dofs.shape[1] - 3 * directors.shape[1] : 3]
-        self.start = np.ascontiguousarray(x[nodes[:, 1:]] - x[nodes[:, :1]])
-        """Places of the other nodes of each cell, as seen from the first one, at the start: (cells, nodes - 1, 3)."""
-        self.rest = self.start
-        if placing.of(space.mesh) is not None:
-            there = placing.at_rest(part, cells)
-            self.rest = np.ascontiguousarray(there[:, 1:] - there[:, :1])
-        """The same at rest."""
-        self.sizes = np.ones((len(cells), self.rest.shape[1] + directors.shape[1]))
-        """Of the vectors of each cell: places as they are, directors that lean at rest so long that they go through
-        the thickness, as the cut of a mitre."""
-        if placing.leaning(space.mesh) is not None:
-            n = np.cross(self.rest[:, 0], self.rest[:, 1])
-            n /= np.linalg.norm(n, axis=1, keepdims=True)
-            along = np.einsum("cni,ci->cn", space.normal.x.array.reshape(-1, 3)[directors], n)
-            self.sizes[:, self.rest.shape[1] :] = 1 / along
-
-
 class _Part:
     """One strain of the work, on its rule. Public: `batch` and `weights` for `kernels`; `stress`, `tangent`."""
 
-    def __init__(self, shell: _Shell, owned: int, strain: Expr, response: Law | Expr, dx: ufl.Measure) -> None:
+    def __init__(self, shell: pairing.Cells, owned: int, strain: Expr, response: Law | Expr, dx: ufl.Measure) -> None:
         mesh, self._cells = shell.space.mesh, shell.cells
         rule = basix.make_quadrature(mesh.basix_cell(), dx.metadata()["quadrature_degree"])
         points, weights = (np.asarray(part) for part in rule)
@@ -230,6 +210,9 @@ class _Part:
         kernels.strains(self.batch, out)
         if self._left != 0.0:
             out -= self._left * self._of_start
+
+    def response(self) -> tuple[Any, Array, Array, Array]:
+        return self.batch, self.tangent, self.stress, self.weights
 
     def relax(self, part: float) -> None:
         if self._of_start is None:
