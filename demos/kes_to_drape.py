@@ -3,8 +3,11 @@
 A laboratory hands over the sixteen numbers of a KES-F sheet; a designer asks how the cloth will drape. The first
 command makes a fabric of the sheet, the second hangs a disc of it over a smaller disc, as Cusick's test does.
 
-The checked numbers: B and 2HB of the sheet come back when a strip of the fabric goes through KES's bending cycle, and
-Cusick's scene balances its energies to 1 % and has come to rest.
+The sheet may also be given as the curves that the instrument draws.
+
+The checked numbers: curves of the sheet make the fabric of its numbers to 1 %, B and 2HB of the sheet come back when a
+strip of the fabric goes through KES's bending cycle, and Cusick's scene balances its energies to 1 % and has come to
+rest.
 """
 
 # %% [markdown]
@@ -36,11 +39,12 @@ Cusick's scene balances its energies to 1 % and has come to rest.
 import re
 import subprocess
 import sys
+import tomllib
 from pathlib import Path
 
 import numpy as np
 
-from fabric_fenicsx import fabrics
+from fabric_fenicsx import fabrics, plots
 from fabric_fenicsx.app import command
 from fabric_fenicsx.identify import loops
 from fabric_fenicsx.identify.bending import KES_2HB, KES_B
@@ -64,6 +68,89 @@ def run(*words):
 
 # %%
 run("fabric-fenicsx", "identify", DEMOS / "records" / "kes_sheet.toml", "--out", args.out)
+
+# %% [markdown]
+# ## The same sheet as curves
+# A laboratory may hand over what the instrument drew in place of what it printed: tension to 500 gf/cm and back, shear
+# to 8 degrees on both sides, bending to 2.5 1/cm on both sides, a file for each specimen. `tension`, `shear` and
+# `bending` of a direction then name files, and the numbers that these tell are left out. Which column is which is told
+# by its unit, whatever the language. No real curves stand here: these are drawn from the numbers above, with the
+# resolution and 0.5 % of noise.
+
+# %%
+sides = tomllib.loads((DEMOS / "records" / "kes_sheet.toml").read_text())["kes"]
+rng, folder = np.random.default_rng(1), args.out / "curves"
+folder.mkdir(exist_ok=True)
+shown = plots.panels(3, width=3.2, height=3.0)
+
+
+def there_and_back(way, one):
+    """Tension: a line and a power up, which give LT, and a line down that gives RT."""
+    x, power = np.linspace(0, 1, 250), 2 if one["LT"] > 0.7 else 3
+    line = (one["LT"] / 2 - 1 / (power + 1)) / (1 / 2 - 1 / (power + 1))
+    slack = one["EM"] * (1 - one["LT"] * one["RT"] / 100)
+    down = 500 * np.clip((one["EM"] * x[::-1] - slack) / (one["EM"] - slack), 0, None)
+    return one["EM"] * np.append(x, x[-2::-1]), np.append(500 * (line * x + (1 - line) * x**power), down[1:])
+
+
+def sheared(way, one):
+    """A line with a width that grows from 0.5 to 5 degrees."""
+    a = np.linspace(0, 8, 161)
+    up = one["G"] * a + one["2HG"] / 2
+    half = (
+        np.append(a, a[-2::-1]),
+        np.append(up, (up - one["2HG"] - (one["2HG5"] - one["2HG"]) * (a - 0.5) / 4.5)[-2::-1]),
+    )
+    return tuple(np.append(value, -value[1:]) for value in half)
+
+
+def bent(way, one):
+    """The law's own loop."""
+    K = np.concatenate([np.linspace(0, 250, 101), np.linspace(250, -250, 201)[1:], np.linspace(-250, 0, 101)[1:]])
+    curve = fabrics.BendingCurve(KES_B * one["B"], 0.0, KES_2HB * one["2HB"])
+    return K / 100, loops.moments(K, curve, curve, fabrics.bending.FRICTION_PER_M, True) / KES_2HB
+
+
+DRAWN = {
+    "tension": (there_and_back, "Dehnung (%);Kraft (gf/cm)", "strain (%)", "force (gf/cm)"),
+    "shear": (sheared, "せん断角 (deg);荷重 (gf/cm)", "shear angle (deg)", "force (gf/cm)"),
+    "bending": (bent, "curvature (1/cm);moment (gf cm/cm)", "curvature (1/cm)", "moment (gf cm/cm)"),
+}
+for way, one in sides.items():
+    for axes, (test, (draw, head, *axis)) in zip(shown[1], DRAWN.items(), strict=True):
+        x, y = draw(way, one)
+        y = y + 0.005 * np.abs(y).max() * rng.standard_normal(len(y)) * (test != "tension")
+        np.savetxt(folder / f"{way}_{test}.csv", np.column_stack([x, y]), "%.5g", ";", header=head, comments="",
+                   encoding="utf-8")  # fmt: skip
+        axes.plot(x, y, lw=0.8, label=way)
+        plots.label(axes, test, *axis)
+plots.legend(shown[0], 2)
+plots.save(shown[0], args.out / "curves.png")
+
+kinds = ", ".join(f'{test} = ["{{way}}_{test}.csv"]' for test in DRAWN)
+text = (DEMOS / "records" / "kes_sheet.toml").read_text()
+for way in sides:
+    text = re.sub(rf"(?m)^{way} = .*$", f"{way} = {{{{ {kinds} }}}}".format(way=way), text)
+(folder / "kes_curves.toml").write_text(text)
+command.say(text[text.index("[kes]") : text.index("[assumed]")])
+run("fabric-fenicsx", "identify", folder / "kes_curves.toml", "--out", folder)
+
+# %% [markdown]
+# ![the curves of the sheet](curves.png)
+#
+# The fabric is that of the numbers, but for the noise:
+
+# %%
+of_numbers, of_curves = (fabrics.load(str(path / "fabric.toml")) for path in (args.out, folder))
+apart = {
+    name: float(getattr(of_curves, name).stress(E).max() / getattr(of_numbers, name).stress(E).max() - 1)
+    for name in ("warp", "weft", "shear")
+    for E in [np.linspace(0, getattr(of_numbers, name).limit, 51)]
+}
+apart |= {f"B of {way}": getattr(of_curves.bending, way).B / getattr(of_numbers.bending, way).B - 1 for way in sides}
+for name, part in apart.items():
+    command.say(f"{name}: {100 * part:+.2f} % from that of the numbers")
+same = max(map(abs, apart.values())) < 0.01
 
 # %% [markdown]
 # ## The second command
@@ -97,4 +184,6 @@ for way, (B, width) in sheet.items():
     good &= abs(again[0] / B - 1) < 0.005 and abs(again[1] / width - 1) < 0.005
 
 # %%
-command.check(bool(good), f"drape coefficient {DC:.1f} %, and B and 2HB come back", args.out)
+command.check(
+    bool(good and same), f"drape coefficient {DC:.1f} %, and B, 2HB and the fabric of the curves come back", args.out
+)

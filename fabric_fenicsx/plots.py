@@ -4,6 +4,7 @@ What differs in colour differs in its line or its marker, too, so that a print i
 """
 
 from copy import copy
+from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -104,10 +105,10 @@ def legend(figure: "Figure", columns: int = 3) -> None:
     figure.legend(entries.values(), entries, loc="outside lower center", ncols=columns, fontsize=8, frameon=False)
 
 
-def save(figure: "Figure", path: Path) -> None:
+def save(figure: "Figure", path: str | PathLike[str], dpi: int = 150) -> None:
     """Write a figure, in whole or not at all. Raises OSError, which names the path."""
-    with files.whole(path) as rough:
-        figure.savefig(rough, dpi=150)
+    with files.whole(Path(path)) as rough:
+        figure.savefig(rough, dpi=dpi)
 
 
 def _grey(line: Any) -> Any:

@@ -1,8 +1,8 @@
 // Flat ring, slit along the x axis: "clamped_lip" at the angle 0, "loaded_lip" at 360 degrees, at the same place.
 // nx cells across the ring and 4 ny around it. Every number can be set from outside; see cylinder.geo.
 DefineConstant[ inner = 6, outer = 10, nx = 4, ny = 6, triangles = 1, order = 2 ];
-If (nx < 1 || ny < 1 || inner <= 0 || outer <= inner)
-  Error("nx and ny must be at least 1, and outer larger than inner, larger than 0");
+If (nx < 1 || nx != Floor(nx) || ny < 1 || ny != Floor(ny) || inner <= 0 || outer <= inner)
+  Error("nx and ny must be whole numbers of at least 1, and outer larger than inner, larger than 0");
 EndIf
 
 Point(100) = {0, 0, 0};

@@ -2,8 +2,8 @@
 // With its symmetries it is a roof, or an octant of a tube. Every number can be set from outside.
 // order 2 puts the nodes at the middles of edges on the cylinder, too.
 DefineConstant[ radius = 1, length = 1, angle = 90, nx = 8, ny = 8, triangles = 1, order = 2 ];
-If (nx < 1 || ny < 1 || radius <= 0 || length <= 0 || angle <= 0 || angle > 180)
-  Error("nx and ny must be at least 1, radius and length positive, and angle from 0 to 180");
+If (nx < 1 || nx != Floor(nx) || ny < 1 || ny != Floor(ny) || radius <= 0 || length <= 0 || angle <= 0 || angle > 180)
+  Error("nx and ny must be whole numbers of at least 1, radius and length positive, and angle from 0 to 180");
 EndIf
 
 Point(1) = {0, 0, 0};

@@ -1,8 +1,8 @@
 // Quarter of a hemisphere about the z axis with a hole of `hole` degrees at the pole.
 // Every number can be set from outside; see cylinder.geo.
 DefineConstant[ radius = 10, hole = 18, nx = 8, ny = 8, triangles = 1, order = 2 ];
-If (nx < 1 || ny < 1 || radius <= 0 || hole <= 0 || hole >= 90)
-  Error("nx and ny must be at least 1, radius positive, and hole between 0 and 90");
+If (nx < 1 || nx != Floor(nx) || ny < 1 || ny != Floor(ny) || radius <= 0 || hole <= 0 || hole >= 90)
+  Error("nx and ny must be whole numbers of at least 1, radius positive, and hole between 0 and 90");
 EndIf
 
 latitude = (90 - hole) * Pi / 180;

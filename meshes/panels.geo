@@ -1,8 +1,8 @@
 // Two panels that share an edge, the seam at x = split: "left" and "right", from x = 0 to length, y = 0 to width.
 // Metres. Every number can be set from outside: meshing.read(MESHES / "panels.geo", nx=4).
 DefineConstant[ length = 0.2, width = 0.1, split = 0.1, nx = 4, mx = 4, ny = 4, triangles = 0 ];
-If (nx < 1 || mx < 1 || ny < 1 || split <= 0 || length <= split || width <= 0)
-  Error("nx, mx and ny must be at least 1, width and split positive, length more than split");
+If (nx < 1 || nx != Floor(nx) || mx < 1 || mx != Floor(mx) || ny < 1 || ny != Floor(ny) || split <= 0 || length <= split || width <= 0)
+  Error("nx, mx and ny must be whole numbers of at least 1, width and split positive, length more than split");
 EndIf
 
 Point(1) = {0, 0, 0};

@@ -1,8 +1,8 @@
 // Flat ring about the z axis, as of a drape test: nx cells across the ring and 4 ny around it. "inner" and "outer" rim.
 // Metres. Every number can be set from outside: meshing.read("ring.geo", comm, 3, nx=6, ny=19).
 DefineConstant[ inner = 0.09, outer = 0.15, nx = 6, ny = 19, triangles = 0 ];
-If (nx < 1 || ny < 1 || inner <= 0 || outer <= inner)
-  Error("nx and ny must be at least 1, and outer larger than inner, larger than 0");
+If (nx < 1 || nx != Floor(nx) || ny < 1 || ny != Floor(ny) || inner <= 0 || outer <= inner)
+  Error("nx and ny must be whole numbers of at least 1, and outer larger than inner, larger than 0");
 EndIf
 
 Point(100) = {0, 0, 0};

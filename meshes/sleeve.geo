@@ -1,7 +1,7 @@
 // A sleeve: a whole cylinder about the x axis, 0 <= x <= length, of flat quadrilaterals. Metres. Every number can be set.
 DefineConstant[ radius = 0.05, length = 0.3, around = 40, along = 30 ];
-If (around < 4 || around % 4 != 0 || along < 1 || radius <= 0 || length <= 0)
-  Error("around must be a multiple of 4, along at least 1, radius and length positive");
+If (around < 4 || around % 4 != 0 || along < 1 || along != Floor(along) || radius <= 0 || length <= 0)
+  Error("around must be a multiple of 4, along a whole number of at least 1, radius and length positive");
 EndIf
 
 Point(1) = {0, 0, 0};

@@ -1,7 +1,7 @@
 // Square sheet [0, side] x [0, side] with its four edges named (thesis 7.2.2, 7.3.1). Metres.
 DefineConstant[ side = 0.254, n = 3, triangles = 0 ];
-If (n < 1 || side <= 0)
-  Error("n must be at least 1, and side positive");
+If (n < 1 || n != Floor(n) || side <= 0)
+  Error("n must be a whole number of at least 1, and side positive");
 EndIf
 
 Point(1) = {0, 0, 0};

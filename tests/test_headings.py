@@ -26,6 +26,11 @@ EXPORTS = {
     "Italian": ("Tempo (s);Allungamento (mm);Forza (N/cm)", (1.0, 1e3, 0.2), ",", "utf-8"),
     "Italian, crosshead": ("Tempo (s);Corsa (mm);Carico (N)", (1.0, 1e3, 1.0), ",", "latin-1"),
     "Japanese, Shimadzu": ("時間(sec)\tストローク(mm)\t試験力(N)", (1.0, 1e3, 1.0), ".", "shift_jis"),
+    "Portuguese": ("Tempo (s);Deslocamento (mm);Força (N)", (1.0, 1e3, 1.0), ",", "cp1252"),
+    "Dutch": ("Tijd (s);Verplaatsing (mm);Kracht (N)", (1.0, 1e3, 1.0), ",", "utf-8"),
+    "Polish": ("Czas (s);Wydłużenie (%);Siła (N/5cm)", (1.0, 1e3, 1.0), ",", "utf-8"),
+    "Chinese": ("时间(s),位移(mm),力(N)", (1.0, 1e3, 1.0), ".", "utf-8"),
+    "Korean, numbered": ("#,시간(s),변위(mm),하중(N)", (1.0, 1e3, 1.0), ".", "utf-8-sig"),
     "Japanese, EUC": ("時間(sec)\t変位(mm)\t荷重(N)", (1.0, 1e3, 1.0), ".", "euc_jp"),
     "Japanese, JIS": ("時間(sec)\tストローク(mm)\t試験力(N)", (1.0, 1e3, 1.0), ".", "iso2022_jp"),
     "Japanese, Kato Tech": ("時間(s)\t伸び(%)\t荷重(gf/cm)", (1.0, 1e3, 1 / 9.80665e-3 / 5), ".", "shift_jis"),
@@ -51,7 +56,9 @@ EXPORTS = {
 def test_exports_of_several_countries(tmp_path, name):
     head, (_, per_m, per_N), decimal, encoding = EXPORTS[name]
     mark = next(m for m in ("\t", ";", ",") if m in head.splitlines()[-1])
-    rows = [(0.1 * k, d * per_m, f * per_N) for k, (d, f) in enumerate(zip(D, F, strict=True))]
+    rows = [
+        (k,) * head.startswith("#") + (0.1 * k, d * per_m, f * per_N) for k, (d, f) in enumerate(zip(D, F, strict=True))
+    ]
     body = "\n".join(mark.join(f"{value:.7f}".replace(".", decimal) for value in row) for row in rows)
     file = tmp_path / "test.csv"
     file.write_bytes(f"{head}\n{body}\n".encode(encoding))

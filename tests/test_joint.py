@@ -30,6 +30,7 @@ from fabric_fenicsx.laws.woven import Woven
 
 sys.path.append(str(Path(__file__).parent.parent / "demos" / "studies"))
 import all_tests
+import published_frames
 from decrimping import Decrimping
 
 BLEND = fabrics.load("blend")
@@ -179,7 +180,9 @@ DRAWN = {"files": ["b.csv"], "drawn": "both", "length_mm": [100, 100], "width_mm
 )
 def test_every_fault_of_the_list_is_one_sentence(read, entries, reason):
     with pytest.raises(InputError, match=re.escape(reason)) as error:
-        strips.read_strips("t.toml", entries, 1e-3) if read == "strip" else strips.read_biaxial("t.toml", entries)
+        if read == "strip":
+            strips.read_strips("t.toml", entries, records.Strip(0.1, 0.05, 1e-3))
+        strips.read_biaxial("t.toml", entries)
     assert "\n" not in str(error.value)
 
 
@@ -215,3 +218,16 @@ def test_strips_along_the_yarns_have_their_own_size(tmp_path):
         assert len(found.curves[way].readings) == 3
     with pytest.raises(InputError, match="one fit of all tests needs a test of shear too"):
         joint.fit(found)
+
+
+def test_published_shearing_with_friction():
+    """First and third shearing of a frame of the benchmark of Cao et al. (2008), 1 % of the first peak."""
+    (E1, S1), (_, S3) = published_frames.published("unbalanced")
+    assert S3[5] < 0.85 * S1[5] and np.degrees(np.arcsin(2 * E1[-1])) == pytest.approx(44.2, abs=0.1)
+    _, friction, rms, _ = published_frames.fit("unbalanced", 5.0)
+    assert max(rms) < 0.01 and friction.friction > 0
+
+
+@pytest.mark.slow
+def test_published_shearing_of_all_three_fabrics(tmp_path):
+    assert published_frames.study_cycles(tmp_path)

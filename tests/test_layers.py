@@ -171,7 +171,7 @@ def test_only_simulated_strips_of_identify_need_a_scene(path):
     scenes = "inverse", "simulated"
     if room_of(path) == "identify" and path.stem not in scenes:
         rooms = {name.split(".")[1] for name in imports(path) if name.startswith("fabric_fenicsx.")}
-        assert rooms <= {"errors", "plots", "fabrics", "laws", "identify"}
+        assert rooms <= {"errors", "files", "plots", "fabrics", "laws", "identify"}
         if path.name != "making.py":  # where it is asked for
             assert not any(
                 name.startswith(f"fabric_fenicsx.identify.{room}") for name in imports(path) for room in scenes

@@ -1,6 +1,8 @@
 """Records as laboratories have them: the files of public bug reports, each rule by itself, and random variants."""
 
 import math
+import resource
+import signal
 from dataclasses import replace
 from pathlib import Path
 
@@ -9,7 +11,7 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 from click.testing import CliRunner
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from fabric_fenicsx import fabrics, specimen
@@ -19,8 +21,10 @@ from fabric_fenicsx.identify import (
     branches,
     cleaning,
     decoding,
+    fabric_file,
     identification,
     inverse,
+    listing,
     making,
     markers,
     numerals,
@@ -204,8 +208,8 @@ def test_text_of_any_encoding(name):
 def test_wild_readings_are_those_that_stand_alone():
     t = np.linspace(0, 1, 200)
     up = np.where(t < 0.7, t**2, 0.49 - 3 * (t - 0.7))
-    for signal in (up, np.sign(t - 0.5), np.sin(60 * t), np.abs(t - 0.5), np.full(200, 3.0), np.round(up, 2)):
-        assert not cleaning.wild(signal).any()
+    for values in (up, np.sign(t - 0.5), np.sin(60 * t), np.abs(t - 0.5), np.full(200, 3.0), np.round(up, 2)):
+        assert not cleaning.wild(values).any()
     for i, value in ((0, 9.0), (100, -1.0), (140, 99999.0), (199, 7.0)):
         bad = np.where(np.arange(200) == i, value, up)
         assert np.flatnonzero(cleaning.wild(bad)).tolist() == [i]
@@ -353,3 +357,70 @@ def test_a_trial_that_cannot_be_pulled_is_no_error(clamped, monkeypatch):
     monkeypatch.setattr(inverse._Search, "_pull", never)
     with pytest.raises(StepFailed, match="no strip can be pulled to the end of the bias test; check width"):
         inverse.shear(clamped.found, MESHES / "strip.geo", (9, 3), ends="clamped", steps=4)
+
+
+# --- machines at the end of their range, and grips that slip
+
+
+def curve_of(chance):
+    """A displacement (m) and a force (N) that grows with it, on a strip of `STRIP`'s size, with noise."""
+    d, bent = np.linspace(0, chance.uniform(5e-3, 3e-2), int(chance.integers(60, 600))), chance.uniform(0.4, 4)
+    x = d / d[-1]
+    force = 200 * (x**bent + chance.uniform(0, 1) * x)
+    return d, force, 200 * chance.choice([0.0, 0.002, 0.01]) * chance.standard_normal(len(d))
+
+
+@settings(max_examples=60)
+@given(st.integers(0, 10**6), st.sampled_from(["force", "displacement"]), st.floats(0.4, 0.75))
+def test_a_reading_that_stands_still_ends_the_curve(seed, what, part):
+    """A load cell or an extensometer at the end of its range: said, and what is left is the curve before."""
+    d, force, noise = curve_of(np.random.default_rng(seed))
+    clean = records.Record("a.csv", d, force + noise)
+    assert "stays at" not in " ".join(branches.split(clean).notes)
+    if what == "force":
+        clipped = records.Record("a.csv", d, np.minimum(force + noise, part * force.max()))
+    else:
+        clipped = records.Record("a.csv", np.minimum(d, part * d[-1]), force + noise)
+    split = branches.split(clipped)
+    assert f"the {what} stays at" in split.notes[0] and split.notes[0].endswith("the curve ends there.")
+    end = d[-1] * part if what == "displacement" else np.interp(part * force.max(), force, d)
+    assert 0.85 * end < d[split.virgin].max() < 1.03 * end
+
+
+@settings(max_examples=60)
+@given(st.integers(0, 10**6), st.floats(0.3, 0.7), st.floats(0.12, 0.3))
+def test_a_slip_is_a_doubt(seed, where, part):
+    """The force falls by a part of its peak and goes on beyond: no curve of one strip; without it there is no doubt."""
+    d, force, noise = curve_of(np.random.default_rng(seed))
+    assert not branches.split(records.Record("a.csv", d, force + noise)).doubts
+    k = int(where * len(d))
+    fall = min(part * force.max(), 0.8 * force[k])
+    slipped = force - np.where(np.arange(len(d)) > k, fall, 0.0) + noise
+    if force[-1] - fall < 1.02 * force[k]:
+        return
+    doubts = branches.split(records.Record("a.csv", d, slipped)).doubts
+    assert bool(doubts) == (fall > 0.1 * force.max()) or 0.05 < fall / force.max() < 0.13
+    if doubts:
+        begun = origin.find(
+            records.Record("a.csv", d, slipped), branches.split(records.Record("a.csv", d, slipped)), 0.1
+        )
+        assert "and grows again (a slip in the grips, a hold)" in begun[0].doubts[0]
+
+
+def test_a_full_disk_leaves_no_part_of_a_report(tmp_path, monkeypatch):
+    """The file that does not fit is named, and neither it nor a rough copy is left; an old fabric file stays whole."""
+    path = synthetic.write(fabrics.load("blend"), tmp_path, 1)
+    (tmp_path / "fabric.toml").write_text("old")
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    old = signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+    try:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (1000, hard))
+        with pytest.raises(OSError, match=r"report\.png"):
+            making.make(path, tmp_path, say=lambda _: None)
+        with pytest.raises(OSError, match=r"fabric\.toml"):
+            fabric_file.write(identification.identify(listing.read(path)), tmp_path)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+        signal.signal(signal.SIGXFSZ, old)
+    assert (tmp_path / "fabric.toml").read_text() == "old"
+    assert not list(tmp_path.glob("report*")) and not list(tmp_path.glob(".*"))

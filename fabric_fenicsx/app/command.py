@@ -128,6 +128,9 @@ def run(main: Callable[[], int | None], shown: bool | None = None) -> None:
         if shown is False:
             what = f"{type(error).__name__}: {error}"
             hint = "--traceback shows where, and 'fabric-fenicsx doctor' whether something is missing"
+            if isinstance(error, OSError) and error.filename:
+                what = f"{error.filename} cannot be written or read ({error.strerror})"
+                hint = "make room there, or choose another folder with --out"
             print(f"error: {what} ({hint}).", file=sys.stderr, flush=True)
         else:
             traceback.print_exc()

@@ -119,7 +119,7 @@ class Fabric:
         plots.legend(figure, 4)
         figure.suptitle(f"{self.name} ({self.label}): {self.material.lower()}, {self.weave.lower()} weave", size=11)
         if path is not None:
-            figure.savefig(path, dpi=150)
+            plots.save(figure, path)
         return figure
 
 
@@ -141,4 +141,4 @@ def compare(fabrics: Sequence[Fabric], path: str | PathLike[str], *, per_width: 
         label = f"stress ${stress}$ ({per_width or 'MPa'})"
         plots.label(axes, way, f"strain ${strain}$ (-)", label, xlim=(0, None), ylim=(0, None))
     plots.legend(figure, 4)
-    figure.savefig(path, dpi=150)
+    plots.save(figure, path)

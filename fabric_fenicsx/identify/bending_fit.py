@@ -2,7 +2,8 @@
 
 Friction (2HB), the curvature over which it builds up, and the shape of the curve (B2 over B, face against back) come
 from the test that tells them: a loop, else KES's numbers and the angles of overhangs. B under that shape is found from
-every test, and is their mean, weighted by the errors, to which each kind of test adds `FLOOR`.
+every test, and is their mean, weighted by the errors, to which each kind of test adds `FLOOR`. How sure the curve is
+tell specimens that are drawn again (`bending_bootstrap`).
 """
 
 from dataclasses import dataclass, replace
@@ -13,7 +14,7 @@ from ..errors import InputError
 from ..fabrics import BendingCurve, BendingCurves
 from ..fabrics.bending import FRICTION_PER_M, least_hysteresis
 from ..laws import Array
-from . import bending, hanging, loops
+from . import bending, bending_bootstrap, hanging, loops
 from .bending import ASSUMED_SPREAD, NO_FRICTION, NO_SOFTENING, Found
 from .bending_tests import BendingTests, Loop, StripTests, read_loop
 from .curves import Estimate
@@ -22,6 +23,7 @@ from .hanging import Shape
 FLOOR = 0.02  # of B: what two kinds of test of one strip differ by
 ALONE = 0.10  # of B: standard error of a single specimen, of which nothing else is known
 APART = 3.0  # standard errors between two kinds of test that are worth a remark
+STEP = 1e-4  # m: change of B2 over B whose effect is looked at
 KES_SLOPE = 50.0, 150.0  # 1/m, between which KES reads B
 
 
@@ -34,6 +36,7 @@ class Direction:
     tests: StripTests
     loops: tuple[Loop, ...] = ()
     notes: tuple[str, ...] = ()
+    unsure: float = 0.0  # of the moment, over that at 250 1/m: standard error, from specimens that are drawn again
 
     @property
     def spread(self) -> float:
@@ -65,6 +68,7 @@ class IdentifiedBending:
             + ", ".join(
                 f"{kind} {1e6 * e.value:.4g} ± {1e6 * e.error:.2g} (n = {e.specimens})" for kind, e in one.kinds.items()
             )
+            + f"; moment ± {100 * one.unsure:.2g} %"
             for way, one in self.ways.items()
         ]
 
@@ -113,25 +117,45 @@ def _direction(
     shape = Shape(ratio, told.curve.hysteresis, friction, told.friction_per_m or FRICTION_PER_M)
 
     kinds: dict[str, Estimate] = {}
+    apart: dict[str, tuple[Array, tuple[float, float]]] = {}  # as of `bending_bootstrap.Kind`
     if whole:
-        kinds["loops"] = _estimate([one.curve.B for one in whole], whole[0].errors["B_uNm"] / 1e6)
+        B = np.array([one.curve.B for one in whole])
+        kinds["loops"], apart["loops"] = _estimate(B, whole[0].errors["B_uNm"] / 1e6), (_logs(B), (0.0, 0.0))
     if "B" in numbers:  # a mean slope, face and back
-        kinds["KES"] = _estimate(numbers["B"] / _slope(ratio))
+        by_ratio = float(np.log(_slope(ratio - STEP) / _slope(ratio + STEP)) / (2 * STEP))
+        kinds["KES"], apart["KES"] = _estimate(numbers["B"] / _slope(ratio)), (_logs(numbers["B"]), (by_ratio, 0.0))
     hung = {"overhangs": (numbers.get("overhang"), numbers.get("angle"))}
     c = numbers.get("bending_length")
     hung["bending lengths"] = (None, None) if c is None else (2 * c, np.full(len(c), hanging.ASTM_ANGLE))
     for kind, (L, angle) in hung.items():
         if L is not None and angle is not None:
-            B, error = hanging.overhangs(L, angle, mass, shape)
-            kinds[kind] = Estimate(B, ALONE * B if error is None else error, len(L))
+            hung_so = hanging.overhangs(L, angle, mass, shape)
+            error = ALONE * hung_so.B if hung_so.error is None else hung_so.error
+            kinds[kind], apart[kind] = Estimate(hung_so.B, error, len(L)), (hung_so.apart, hung_so.by_shape)
     if "heart_length" in numbers:
         pairs = zip(numbers["heart_length"], numbers["heart_height"], strict=True)
-        kinds["heart loops"] = _estimate([hanging.heart_loop(*pair, mass, shape=shape).curve.B for pair in pairs])
-    B, error = _weighted(kinds)
-    back = told.back and replace(told.back, B=told.back.B * B / told.curve.B, softening=ratio * B)
-    errors = told.errors | {"B_uNm": 1e6 * error}
-    found = Found(shape.curve(B), errors, told.friction_per_m, back, _untold(tests, told, friction), told.residual)
-    return Direction(found, kinds, tests, tuple(read), (*(n for one in read for n in one.notes), *_apart(way, kinds)))
+        B = np.array([hanging.heart_loop(*pair, mass, shape=shape).curve.B for pair in pairs])
+        kinds["heart loops"], apart["heart loops"] = _estimate(B), (_logs(B), (0.0, 0.0))
+    mean, least = _weighted(kinds)
+    curve = shape.curve(mean)
+    softening = [one.curve.softening / one.curve.B for one in whole] or [ratio]
+    widths = [one.curve.hysteresis for one in whole] or numbers.get("2HB", [curve.hysteresis])
+    draws = bending_bootstrap.bootstrap(
+        [bending_bootstrap.Kind(name, one.value, _weight(one), *apart[name]) for name, one in kinds.items()],
+        "loops" if whole else "KES",
+        np.array(softening), np.array(widths),
+    )  # fmt: skip
+    back = told.back and replace(told.back, B=told.back.B * mean / told.curve.B, softening=ratio * mean)
+    errors = told.errors | {"B_uNm": 1e6 * max(least, float(draws[:, 0].std()))}
+    found = Found(curve, errors, told.friction_per_m, back, _untold(tests, told, friction), told.residual)
+    notes = (*(n for one in read for n in one.notes), *_apart(way, kinds))
+    unsure = max(bending_bootstrap.of_curve(draws, curve), least / mean)
+    return Direction(found, kinds, tests, tuple(read), notes, unsure)
+
+
+def _logs(B: Array) -> Array:
+    """Of each of (n,) over their mean."""
+    return np.asarray(np.log(B / B.mean()))
 
 
 def _friction(warp: Found, weft: Found, bias: Found, wide: bool) -> float:
@@ -194,8 +218,12 @@ def _estimate(values: Array | list[float], alone: float | None = None) -> Estima
 def _weighted(kinds: dict[str, Estimate]) -> tuple[float, float]:
     """Mean of B (N m) over the kinds of test, and its standard error."""
     B = np.array([e.value for e in kinds.values()])
-    weight = 1 / np.array([e.error**2 + (FLOOR * e.value) ** 2 for e in kinds.values()])
+    weight = np.array([_weight(e) for e in kinds.values()])
     return float(weight @ B / weight.sum()), float(np.sqrt(1 / weight.sum()))
+
+
+def _weight(one: Estimate) -> float:
+    return 1 / (one.error**2 + (FLOOR * one.value) ** 2)
 
 
 def _apart(way: str, kinds: dict[str, Estimate]) -> list[str]:

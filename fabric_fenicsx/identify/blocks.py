@@ -58,7 +58,8 @@ class CycleBlock(Block):
         assert fabric.shear_friction is not None
         packed = play.pack(fabric.name, fabric.shear, fabric.shear_friction)
         return [
-            (play.follow(gamma, packed) - S) / sigma for gamma, S, sigma in zip(self.x, self.y, self.sigma, strict=True)
+            np.where(np.isfinite(S), play.follow(gamma, packed) - S, 0.0) / sigma
+            for gamma, S, sigma in zip(self.x, self.y, self.sigma, strict=True)
         ]
 
 

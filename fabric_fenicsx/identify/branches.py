@@ -11,6 +11,9 @@ from .cleaning import noise, running_median
 from .records import Record
 
 LEAP = 0.2  # part of its range by which the force of no strip rises from one reading to the next
+SLIP = 0.05  # of the peak force: by more it falls while the strip is drawn, and grows again, in grips that slip
+STILL, STEEP = 0.01, 8.0  # of its range a reading moves in a stretch, at whose start its slope falls to so small a part
+LONG = 0.05  # of the range of displacement or force: a stretch in which the other one stands still
 FALL = 0.8  # a force that ends below this part of its peak, while the strip is still drawn, has passed yield
 
 
@@ -23,6 +26,7 @@ class Branches:
     unloading: list[np.ndarray]
     """One run of readings for each way back from a virgin peak, the peak first."""
     notes: tuple[str, ...]
+    doubts: tuple[str, ...] = ()
 
 
 def split(record: Record) -> Branches:
@@ -43,6 +47,12 @@ def split(record: Record) -> Branches:
             unloading.append(run)
     loading = np.concatenate(virgin) if virgin else np.empty(0, dtype=int)
     _enough(record, loading, "the displacement grows")
+    ends, said = _standing(record, loading)
+    if said:
+        loading = loading[loading <= ends]
+        unloading = [run for run in unloading if run[0] <= ends]
+        _enough(record, loading, "before that the displacement grows")
+        notes.append(said)
     force = running_median(record.force[loading])
     _jump(record, loading, force)
     top = int(force.argmax())
@@ -52,7 +62,62 @@ def split(record: Record) -> Branches:
         _enough(record, loading, "the force grows")
         end = 1e3 * d[loading[-1]]
         notes.append(f"{record.file}: the force falls from {end:.3g} mm on (yield or break); the curve ends there.")
-    return Branches(loading, unloading, (*notes, *_gap(record.file, np.sort(d[loading]))))
+    told = (*notes, *_gap(record.file, np.sort(d[loading])))
+    return Branches(loading, unloading, told, _slip(record, loading))
+
+
+def _standing(record: Record, loading: np.ndarray) -> tuple[int, str]:
+    """The reading from which on the force or the displacement stands still while the other one goes on, and a note.
+
+    A load cell or an extensometer at the end of its range, or a strip that yields. No note: none does.
+    """
+    drawn = np.arange(loading[0], len(record.force))
+    drawn = drawn[: int(np.argmax(record.displacement[drawn])) + 1]
+    d, force = record.displacement[drawn], running_median(record.force[drawn])
+    k = _still(d, force)
+    if k is not None:
+        still = f"the force stays at {force[k]:.4g} N from {1e3 * d[k]:.3g} mm on (yield, or the end of the load cell)"
+        return int(drawn[k]), f"{record.file}: {still}; the curve ends there."
+    pulled = np.arange(loading[0], loading[0] + int(np.argmax(record.force[loading[0] :])) + 1)
+    d, force = running_median(record.displacement[pulled]), record.force[pulled]
+    k = _still(force, d)
+    if k is not None:
+        still = f"the displacement stays at {1e3 * d[k]:.4g} mm from {force[k]:.3g} N on (the end of the extensometer)"
+        return int(pulled[k]), f"{record.file}: {still}; the curve ends there."
+    return 0, ""
+
+
+def _still(x: Array, y: Array) -> int | None:
+    """Index from which on y stands at its largest value while x goes on to its own, or None.
+
+    The end of a smooth curve is not meant, however flat: there the slope does not change at once.
+    """
+    span, way = float(np.ptp(y)), float(np.ptp(x))
+    top = float(np.median(y[x >= x[-1] - LONG * way]))
+    still = max(STILL * span, 3 * noise(y))
+    below = np.flatnonzero(np.abs(y - top) > still)
+    first = int(below[-1]) + 1 if len(below) else 0
+    long = x[-1] - x[min(first, len(x) - 1)]
+    if len(y) - first < 8 or not long > LONG * way:
+        return None
+    before = (x > x[first] - long / 2) & (np.arange(len(x)) < first)
+    if before.sum() < 2:
+        return None
+    rise = top - y[np.flatnonzero(before)[0]]
+    return first if rise > STEEP * still else None
+
+
+def _slip(record: Record, loading: np.ndarray) -> tuple[str, ...]:
+    """A doubt on a force that falls while the strip is drawn further, and grows beyond what it was again."""
+    force = record.force[loading]
+    high = np.maximum.accumulate(force)
+    beyond = np.maximum.accumulate(force[::-1])[::-1] > high * (1 + STILL)
+    fall = np.where(beyond, high - force, 0.0)
+    k = int(fall.argmax())
+    if not fall[k] > max(SLIP * float(np.ptp(force)), 10 * noise(force)):
+        return ()
+    said = f"{record.file}: the force falls by {fall[k]:.3g} N until {1e3 * record.displacement[loading[k]]:.3g} mm"
+    return (f"{said} and grows again (a slip in the grips, a hold); cut the record off before, or repeat the test",)
 
 
 def _enough(record: Record, loading: np.ndarray, what: str) -> None:

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from .. import plots
 from ..fabrics.per_width import PerWidth, beside
 from .identified import Compared, Identified
 
@@ -33,8 +34,8 @@ def draw(found: Identified, *, per_width: PerWidth | None = None) -> "Figure":
 
 
 def write(found: Identified, path: str | PathLike[str], *, per_width: PerWidth | None = None) -> None:
-    """Save the page; the ending says the format (pdf, png, svg)."""
-    draw(found, per_width=per_width).savefig(path, dpi=130)
+    """Save the page; the ending says the format (pdf, png, svg). Raises OSError."""
+    plots.save(draw(found, per_width=per_width), path, 130)
 
 
 def _panel(axes: "Axes", one: Compared) -> None:

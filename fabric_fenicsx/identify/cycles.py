@@ -24,6 +24,9 @@ from .curves import Loading
 
 NODES = 4
 LEG = 40  # readings of a leg, at most: means of those that follow each other
+STARTS = ((0.02, 0.3, 1.0), (0.1, 0.1, 1.0), (0.05, 0.5, 4.0))
+"""Friction over the peak, softening, and how much stiffer than without friction it unloads: where the fit begins."""
+SIGMA, GOOD = 0.02, 0.006  # of the peak: scatter of a reading, and a misfit with which the last start is needless
 BETTER = 0.9  # misfit over that without friction, from which on friction is needless
 PART = 0.02  # of the range: a way back that is shorter is none
 ASSUMED = {  # middle and standard deviation where no reading tells
@@ -92,7 +95,8 @@ def several(strain: Array) -> bool:
 
 
 def fit(records: list[tuple[Array, Array]], start: Loading, unloading: float) -> Cycles | None:
-    """Of whole records, E12 (n,) and S12 (n,) in Pa in the order of the test; None where friction is needless.
+    """Of whole records, E12 (n,) and S12 (n,) in Pa in the order of the test, NaN where only the way is known; None
+    where friction is needless.
 
     `start` (of E12) and the unloading modulus (Pa, of E12) as one finds them without friction.
     """
@@ -114,11 +118,16 @@ def _thinned(gamma: Array, S: Array) -> tuple[Array, Array]:
     return np.array(x), np.array(y)
 
 
+def _known(values: Array) -> Array:
+    """Those that are finite, where a force was read."""
+    return np.asarray(values[np.isfinite(values)])
+
+
 class _Fit:
     def __init__(self, records: list[tuple[Array, Array]], start: Loading, unloading: float) -> None:
         self.records, self.unloading = records, unloading / 2
         self.limit = 2 * start.limit
-        self.peak = max(float(S.max()) for _, S in records)
+        self.peak = max(float(np.nanmax(S)) for _, S in records)
         D = start.tangent(np.linspace(0, start.limit, NODES)) / 2
         self.start = start
         self.logs = np.log(np.maximum(D, 0.05 * np.abs(D).mean()))
@@ -135,12 +144,12 @@ class _Fit:
         return play.pack("the trial", curve, friction), more
 
     def residual(self, theta: Array) -> Array:
-        sigma = 0.02 * self.peak
+        sigma = SIGMA * self.peak
         try:
             c, more = self.packed(theta)
-            rows = [(play.follow(gamma, c) - S) / sigma for gamma, S in self.records]
+            rows = [_known(play.follow(gamma, c) - S) / sigma for gamma, S in self.records]
         except InputError:
-            rows, more = [np.full(len(S), 1e3) for _, S in self.records], 0.0
+            rows, more = [np.full(len(_known(S)), 1e3) for _, S in self.records], 0.0
         curve = self.curve(theta)
         D = curve.tangent(np.linspace(0, self.limit, 41))
         return np.concatenate([
@@ -153,23 +162,25 @@ class _Fit:
         low = np.array([*self.logs - 4, np.log(self.unloading) - 1.5, *ends[0]])
         high = np.array([*self.logs + 4, np.log(self.unloading) + 4, *ends[1]])
         best = None
-        for friction, softening in ((0.02, 0.3), (0.1, 0.1)):
-            theta = [*self.logs, np.log(self.unloading), *(ASSUMED[name][0] for name in NAMES)]
+        for friction, softening, stiffer in STARTS:
+            theta = [*self.logs, np.log(stiffer * self.unloading), *(ASSUMED[name][0] for name in NAMES)]
             theta[NODES + 1], theta[NODES + 1 + NAMES.index("softening")] = friction, softening
             start = np.clip(theta, low + 1e-6, high - 1e-6)
             answer = least_squares(self.residual, start, bounds=(low, high), x_scale="jac", max_nfev=150)
             best = answer if best is None or answer.cost < best.cost else best
+            if friction == STARTS[1][0] and 2 * best.cost < len(best.fun) * (GOOD / SIGMA) ** 2:
+                break
         assert best is not None
         return self.answer(best.x, best.jac)
 
     def answer(self, theta: Array, J: Array) -> Cycles | None:
-        misses = np.concatenate([play.follow(gamma, self.packed(theta)[0]) - S for gamma, S in self.records])
+        misses = np.concatenate([_known(play.follow(gamma, self.packed(theta)[0]) - S) for gamma, S in self.records])
         rms, without = float(np.sqrt(np.mean(misses**2))) / self.peak, self.without()
         if rms > BETTER * without:
             return None
-        scale = rms / 0.02  # of the residuals to their scatter
+        scale = rms / SIGMA  # of the residuals to their scatter
         C = np.linalg.pinv(J.T @ J) * max(scale, 0.05) ** 2
-        errors = np.sqrt(np.diag(C))
+        errors = np.sqrt(np.maximum(np.diag(C), 0.0))
         friction = numbers(theta[NODES + 1 :], self.peak)
         curve, _ = stiffened(self.curve(theta), friction)
         K = curve.unloading
@@ -190,7 +201,7 @@ class _Fit:
         curve = Curve(
             tuple(x / 2 ** (k + 1) for k, x in enumerate(self.start.modulus)), self.unloading, self.limit
         )  # fmt: skip
-        misses = np.concatenate([follow_shear(gamma, thesis(curve)) - S for gamma, S in self.records])
+        misses = np.concatenate([_known(follow_shear(gamma, thesis(curve)) - S) for gamma, S in self.records])
         return float(np.sqrt(np.mean(misses**2))) / self.peak
 
 

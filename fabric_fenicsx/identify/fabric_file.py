@@ -3,7 +3,7 @@
 import json
 from pathlib import Path
 
-from .. import fabrics
+from .. import fabrics, files
 from ..errors import InputError
 from ..fabrics.per_width import PerWidth, describe
 from . import bending
@@ -16,11 +16,10 @@ def write(found: Identified, folder: str | Path, *, per_width: PerWidth | None =
     per_width: a unit of `fabrics.per_width` in which remarks at the end repeat the moduli and stresses.
     """
     path = Path(folder) / "fabric.toml"
-    path.write_text(toml(found), encoding="utf-8")
+    files.replace(path, toml(found))
     fabric = fabrics.load(path)
     if per_width:
-        with path.open("a", encoding="utf-8") as file:
-            file.writelines(f"# {line}\n" for line in describe(fabric, per_width))
+        files.append(path, "".join(f"# {line}\n" for line in describe(fabric, per_width)))
     return path, fabric
 
 

@@ -6,7 +6,7 @@ loop.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -20,6 +20,7 @@ from . import elastica
 from .bending import ASSUMED_SPREAD, NO_FRICTION, NO_SOFTENING, Found, positive
 from .elastica import Beam
 
+REACH = 100.0  # 1/m, to which strips that hang are bent
 ASTM_ANGLE = np.radians(41.5)
 
 
@@ -38,8 +39,19 @@ class Shape:
         return BendingCurve(B, self.softening * B, self.hysteresis + self.friction * B)
 
 
-def overhangs(lengths: Array, angles: Array, areal_mass: float, shape: Shape) -> tuple[float, float | None]:
-    """B (N m) of a known shape by least squares on the angles (radians) of overhangs (m), and its standard error."""
+@dataclass(frozen=True)
+class Overhangs:
+    """B (N m) of a known shape, its standard error, log of each strip's own B over it (n,), and the change of log B by
+    softening over B (1/m) and by 2HB (N)."""
+
+    B: float
+    error: float | None
+    apart: Array
+    by_shape: tuple[float, float]
+
+
+def overhangs(lengths: Array, angles: Array, areal_mass: float, shape: Shape) -> Overhangs:
+    """By least squares on the angles (radians) of overhangs (m)."""
     w = areal_mass * GRAVITY
     first = float(np.median(w * lengths**3 / elastica.group(angles)))
     least = float(np.min(w * lengths**2))
@@ -49,14 +61,24 @@ def overhangs(lengths: Array, angles: Array, areal_mass: float, shape: Shape) ->
             "check its unit."
         )
 
-    def miss(x: Array) -> Array:
+    def miss(x: Array, shape: Shape = shape) -> Array:
         beam = Beam(shape.curve(float(first * np.exp(x[0] - 1))), areal_mass, shape.spread)
         return elastica.overhang_angle(beam, lengths) - angles
 
     # of the logarithm, around 1: a difference quotient steps by a part of what it starts from
     fit = least_squares(miss, [1.0], bounds=([-5.0], [3.0]), diff_step=1e-4)
-    B, n = float(first * np.exp(fit.x[0] - 1)), len(lengths)
-    return B, B * float(np.sqrt(2 * fit.cost / (n - 1) / (fit.jac[:, 0] ** 2).sum())) if n > 1 else None
+    B, n, J = float(first * np.exp(fit.x[0] - 1)), len(lengths), fit.jac[:, 0]
+    error = B * float(np.sqrt(2 * fit.cost / (n - 1) / (J @ J))) if n > 1 else None
+    steps = 0.02 / REACH, 0.02 * shape.curve(B).hysteresis
+    others = (
+        replace(shape, softening=shape.softening + steps[0]),
+        replace(shape, hysteresis=shape.hysteresis + steps[1]),
+    )
+    softer, wider = (
+        -float(J @ (miss(fit.x, other) - fit.fun) / (J @ J)) / step if step else 0.0
+        for other, step in zip(others, steps, strict=True)
+    )
+    return Overhangs(B, error, -fit.fun / J, (softer, wider))
 
 
 def bending_length(

@@ -38,6 +38,7 @@ def find(
     `preload` (N) is that at which the test began, if it is known; zero if a force at the start is an offset, unless it
     is `friction` of a taut specimen. Raises InputError where the force at the start is too large for a pre-load.
     """
+    record = replace(record, doubts=(*record.doubts, *part.doubts)) if part.doubts else record
     d, force = record.displacement[part.virgin], record.force[part.virgin]
     found = _slack(d, force, gauge_length)
     if found is None and friction:

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from .. import plots
+from .. import files, plots
 from ..fabrics import Fabric
 from ..fabrics.per_width import PerWidth
 from ..laws import Array
@@ -47,7 +47,7 @@ def write(found: Identified, fabric: Fabric | None, out: Path, simulated: Simula
     if found.compared:
         figures.append(("Tests beside the law", comparison.draw(found, per_width=per_width)))
     figures += _photographs(found, simulated)
-    with PdfPages(out / "report.pdf") as pages:
+    with files.whole(out / "report.pdf") as rough, PdfPages(rough) as pages:
         for _, figure in figures:
             pages.savefig(figure)
     name = html.escape(found.tests.texts["name"])
@@ -58,11 +58,11 @@ def write(found: Identified, fabric: Fabric | None, out: Path, simulated: Simula
         inlined = base64.b64encode(picture.getvalue()).decode()
         body += f'<h2>{html.escape(title)}</h2><img alt="{html.escape(title)}" src="data:image/png;base64,{inlined}">'
     body += f"<h2>In words</h2><pre>{html.escape(report.words(found, per_width))}</pre>"
-    (out / "report.html").write_text(
+    files.replace(
+        out / "report.html",
         f'<!doctype html>\n<html lang="en"><head><meta charset="utf-8"><title>{name}</title>\n'
         f'<meta name="viewport" content="width=device-width, initial-scale=1"><style>{STYLE}</style></head>\n'
         f"<body>{body}</body></html>\n",
-        encoding="utf-8",
     )
 
 

@@ -27,10 +27,11 @@ from . import cleaning, readings, units
 from .tables import Table, read_table
 
 WORDS = {
-    "time": ("time", "zeit", "temps", "tiempo", "tempo", "時間"),
+    "time": ("time", "zeit", "temps", "tiempo", "tempo", "時間", "tijd", "时间", "시간", "czas"),
     "force": (
         *("force", "load", "stress", "kraft", "spannung", "contrainte", "charge", "fuerza", "carga", "esfuerzo"),
         *("forza", "carico", "sforzo", "荷重", "試験力", "応力", "張力", "effort", r"\blast\b", r"\btension"),
+        *("força", "kracht", "belasting", "kuvvet", "siła", "obciążenie", "力", "载荷", "负荷", "하중", "응력"),
     ),
     "displacement": (
         *("displacement", "extension", "elongation", "stroke", "crosshead", "position", "travel", "strain"),
@@ -38,6 +39,8 @@ WORDS = {
         *("desplazamiento", "extensión", "alargamiento", "deformación", "spostamento", "allungamento", "corsa"),
         *("deformazione", "変位", "ストローク", "伸", "ひずみ", "歪", "verlängerung", "längenänderung", r"\bcourse"),
         *("recorrido", "elongación", "elongazione", r"\bext\b", r"extens[oóô]m", "estensim", "strain gau?ge"),
+        *("deslocamento", "alongamento", "deformação", "verplaatsing", r"\brek\b", "uzama", "przemieszczenie"),
+        *("wydłużenie", "位移", "应变", "변위", "신장", "변형률"),
     ),
     "warp_stretch": ("warp stretch",),
     "weft_stretch": ("weft stretch",),

@@ -22,6 +22,7 @@ SPACES = r"\s+(?![\[(])"  # a unit in brackets belongs to the name before it
 SHOWN = 4  # names of a column that the sentence on a missing head tells
 EXAMPLES = {"force": "N", "length": "mm", "time": "s", "ratio": "%", "angle": "deg", "curvature": "1/cm"}
 EXAMPLES |= {"force per width": "gf/cm", "moment per width": "gf cm/cm"}
+COMMENT = re.compile(r"#(?![\"\s]*[\t;,|])")  # a lone # is the head of a column of numbers
 FEW = 8  # lines below another head that are no test, but a summary
 
 
@@ -130,7 +131,7 @@ def read_table(path: str | Path, recognise: Sequence[str], example: str, unnamed
     except ValueError as error:
         raise InputError(f"{str(path)!r} is no path of a file ({error}); give that of a CSV file.") from error
     text = decoding.decode(raw, file)
-    lines = [(n, line) for n, line in enumerate(text.splitlines(), 1) if line.strip() and not line.startswith("#")]
+    lines = [(n, line) for n, line in enumerate(text.splitlines(), 1) if line.strip() and not COMMENT.match(line)]
     heads = [k for k in range(len(lines)) if _names_columns([line for _, line in lines[k : k + 4]], recognise)]
     if not heads and unnamed:
         start = next((k for k, (_, line) in enumerate(lines) if _starts_with_number(line)), len(lines))
@@ -220,7 +221,8 @@ def _names_columns(lines: Sequence[str], recognise: Sequence[str]) -> bool:
         return False
     mark = _mark(lines[:1])
     cells = _cells(lines[0].lower(), mark, strict=False)
-    found = [next((i for i, cell in enumerate(cells) if re.search(word, cell)), None) for word in recognise]
+    names = [units.split(cell)[0] for cell in cells]  # "m" may be a moment, and is a unit
+    found = [next((i for i, name in enumerate(names) if re.search(word, name)), None) for word in recognise]
     if None in found or len(set(found)) < len(found):
         return False
     below = [line.split() for line in lines[1:]]

@@ -14,6 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
+from .. import files
 from ..errors import InputError
 from ..laws import Array
 
@@ -94,4 +95,4 @@ def read(path: Path) -> Corrections:
 def begin(path: Path) -> None:
     """An empty file to write corrections into, if there is none."""
     if not path.exists():
-        path.write_text(EMPTY, encoding="utf-8")
+        files.replace(path, EMPTY)
