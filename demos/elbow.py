@@ -1,7 +1,7 @@
 """A sleeve on an arm that bends at the elbow, and straightens again: what it costs the wearer.
 
-    python demos/elbow.py --fabric soft --ease -3 --friction 0
-    python demos/elbow.py --fabric muslin denim --ease 0 15 --film
+    python demos/elbow.py --fabric soft --ease -10 --friction 0
+    python demos/elbow.py --fabric muslin denim --ease 25 50 --film
 
 The moment is that against which the wearer bends; its work over the angle is stored in the cloth, lost in it and to
 friction, or released where folds snap. The checked numbers: nothing passes through the skin, the work of the moment
@@ -20,7 +20,7 @@ from fabric_fenicsx.garments import limbs
 
 def main():
     args = bending_limb.arguments(
-        __doc__, fabric=["muslin"], ease=[5.0, 20.0], length=0.24, angle=120.0, out=Path("out/elbow")
+        __doc__, fabric=["muslin"], ease=[25.0, 50.0], length=0.24, angle=120.0, out=Path("out/elbow")
     )
     arm = limbs.arm(size=1e-3 * args.skin)
     return bending_limb.play(arm, "elbow", args, MPI.COMM_WORLD)

