@@ -83,14 +83,15 @@ def add_arguments(parser, end, rho):
     parser.add_argument(
         "--resume", nargs="?", const=True, metavar="FILE", help="go on from this checkpoint, or from the last in --out"
     )
-    add_common(parser, rho, 1e-4)
+    add_common(parser, rho, None)
 
 
 def add_common(parser, rho, rtol):
     """What every motion can be asked."""
     parser.add_argument("--element", choices=directors.ELEMENTS, default="mitc4")
     parser.add_argument("--rho", type=command.number, default=rho, help="left of the fastest oscillation after a step")
-    parser.add_argument("--rtol", type=command.number, default=rtol, help="of Newton's method")
+    said = "of Newton's method" + ("; by default, a part of the time rule's own error" if rtol is None else "")
+    parser.add_argument("--rtol", type=command.number, default=rtol, help=said)
     parser.add_argument("--animation", action="store_true", help="a gif of 50 frames")
 
 

@@ -159,8 +159,8 @@ class Motion:
         self.mass.mult(rates.x.petsc_vec, self._force)
         return self._force
 
-    def _weigh(self, rates: Array) -> Array:
-        """Mass times a local array, on this rank's own unknowns."""
+    def weigh(self, rates: Array) -> Array:
+        """Mass times `rates`, a local array of velocities or accelerations, on this rank's own unknowns."""
         self._rates.x.array[:] = rates
         return np.array(self.by_mass(self._rates).array_r)
 
@@ -246,7 +246,7 @@ class Motion:
         if self.space is None:
             return
         for body in self.space.bodies:
-            body.lay(self.q.x.array, v, a, self._weigh)
+            body.lay(self.q.x.array, v, a, self.weigh)
         dofs = self.space.nodes
         d, w, b = self.q.x.array[dofs], v[dofs], a[dofs]
         w -= (w * d).sum(axis=1, keepdims=True) * d

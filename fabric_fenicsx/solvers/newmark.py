@@ -47,7 +47,7 @@ class Newmark(Stepper):
     Args:
         motion: the unknown and its rule.
         residual: without inertia; what holds `motion.velocity` damps. See `statics.StaticSolver`, which `solver` is.
-        bcs, rtol, options: as for `statics.StaticSolver`.
+        bcs, options: as for `statics.StaticSolver`; rtol: by default, see `step.MovingSolver`.
         set_load: set_load(t) puts loads and Dirichlet values at time t (s) into the scene; it is also asked a step
             beyond the end, since velocity and acceleration of what is moved come from differences.
         start: time, s.
@@ -63,7 +63,7 @@ class Newmark(Stepper):
         bcs: Sequence[fem.DirichletBC],
         *,
         set_load: Callable[[float], None] = lambda t: None,
-        rtol: float = 1e-4,
+        rtol: float | None = None,
         options: dict[str, object] | None = None,
         start: float = 0.0,
         accuracy: float = 8e-4,
