@@ -43,12 +43,12 @@ def marks(args):
     return {k: v for k, v in vars(args).items() if k not in ("out", "end", "resume", "animation")}
 
 
-def draw(played, path, label="height (mm)"):
+def draw(played, path, label="height (mm)", view=pictures.VIEW):
     """The sheet at the end, coloured by how far it has risen, and what it touches."""
     cloth = played.sheet
     pictures.picture(
-        path, cloth.displacement(), bent.height(cloth), label, played.name, bodies=drawn(played.touch)
-    )  # fmt: skip
+        path, cloth.displacement(), bent.height(cloth), label, played.name, view=view, bodies=drawn(played.touch)
+    )
 
 
 def crosses(table):

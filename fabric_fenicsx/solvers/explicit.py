@@ -30,7 +30,7 @@ SAFETY = 0.9
 """Step as a part of the largest stable one."""
 SHORTEST, RESOLVING = 1 / 64, 1 / 1024
 """Of a step that terms shorten, and of one that resolves impacts of bodies with mass."""
-STIFF = 1.8
+STIFF = 1.0
 """The most of a step times the frequency of what limits it: a sheet that is pressed hard has no stable step above 2."""
 RESOLVED, SLOW = 10.0, 0.5
 """Steps, at least, in which a body with mass closes a gap; and the most of a step times the frequency of what limits
