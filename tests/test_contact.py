@@ -14,6 +14,7 @@ from hypothesis import strategies as some
 
 from fabric_fenicsx import sheet
 from fabric_fenicsx.contact import bodies
+from fabric_fenicsx.contact.collisions import Collisions
 from fabric_fenicsx.contact.contact import Contact
 from fabric_fenicsx.errors import InputError, StepFailed
 from fabric_fenicsx.laws.svk import StVenantKirchhoff
@@ -274,3 +275,17 @@ def test_ranks_do_not_change_the_answer(element):
         assert least > 0.0
         results.append([*touch.force(ball)[2:], *touch.forces().sum(axis=0), *ledger.totals.values(), least])
     assert results[0] == pytest.approx(results[1], rel=1e-8, abs=1e-11)
+
+
+def test_edges_on_one_line_do_not_meet():
+    """The toolkit takes these two, 1e-8 of their length off one line, for crossing, and pushes without end."""
+    pytest.importorskip("ipctk")
+    x = np.zeros((8, 3))
+    x[:4, 0] = 7.191241783703964e-11, -7.886284282291086e-12, -4.35671576547813e-11, -2.9981732422289675e-12
+    x[:4, 1] = -0.02000000000664046, -0.013333333328250511, -0.0066666666567194565, 4.102691968635036e-13
+    x[4:] = x[:4] + [0.01, 0.0, 0.0]
+    faces = np.array([[0, 1, 4], [1, 5, 4], [1, 2, 5], [2, 6, 5], [2, 3, 6], [3, 7, 6]])
+    near = Collisions(np.round(x, 4), faces, [], True, 2.8e-4, 1.4e-3, 1.0)
+    near.place(x)
+    assert near.least_gap() == np.inf and not near.gradient().any()
+    assert near.free_part(x, x + 1e-5 * np.arange(24).reshape(8, 3)) == 1.0

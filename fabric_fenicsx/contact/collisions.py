@@ -149,7 +149,24 @@ class Collisions:
             self._about = self.met
             self._near.build(self.mesh, self.met, self._allowed + (self.reach + self.offset) / 2, self._broad)
         self.set.build(self._near, self.mesh, self.met, self.reach, self.offset)
+        if self._apart() <= 0.0:
+            self.set.ee_collisions = self._off_line(self.set.ee_collisions, self.met)
         return True
+
+    def _off_line(self, pairs: list[Any], x: Array) -> list[Any]:
+        """Pairs of edges without those on one line, one after the other.
+
+        If they are off that line by some 1e-8 of their length, the toolkit takes one in a thousand for crossing.
+        """
+        if not pairs:
+            return pairs
+        a, b = x[self.edges[[(pair.edge0_id, pair.edge1_id) for pair in pairs]]].transpose(1, 2, 0, 3)
+        along = a[1] - a[0]
+        size = np.linalg.norm(along, axis=1)
+        off = np.linalg.norm(np.cross(b - a[0], along), axis=2).max(axis=0) / size**2
+        at = np.einsum("jki,ki->jk", b - a[0], along) / size**2
+        apart = (at.min(axis=0) > 1.0) | (at.max(axis=0) < 0.0)
+        return [pair for pair, out in zip(pairs, (off > 1e-6) | ~apart, strict=True) if out]
 
     @property
     def nodes(self) -> Array:
@@ -247,5 +264,10 @@ class Collisions:
             swept = self.kit.Candidates()
             swept.build(self.mesh, x0, x1, self.offset / 2, self._broad)
         if len(swept):
-            part *= swept.compute_collision_free_stepsize(self.mesh, x0, x1, self.offset, self._narrow)
+            free = swept.compute_collision_free_stepsize(self.mesh, x0, x1, self.offset, self._narrow)
+            if free == 0.0:
+                seen = self.kit.Candidates()
+                seen.fv_candidates, seen.ee_candidates = swept.fv_candidates, self._off_line(swept.ee_candidates, x0)
+                free = seen.compute_collision_free_stepsize(self.mesh, x0, x1, self.offset, self._narrow)
+            part *= free
         return part
