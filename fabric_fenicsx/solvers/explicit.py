@@ -36,14 +36,15 @@ RESOLVED, SLOW = 10.0, 0.5
 """Steps, at least, in which a body with mass closes a gap; and the most of a step times the frequency of what limits
 it. Else impacts make energy: of a box at 2 m/s 28 % with 4 and 1.8, and 0.5 % so."""
 WEIGH = 20
-"""Steps from one entry of the ledger to the next."""
+"""Steps from one entry of the ledger to the next, if it is not told."""
 
 
 class CentralDifference(Stepper):
     """M a + residual(q, velocity) = 0 at the start of every step; a Python type of PETSc's TS, which is `ts`.
 
     `stable` is the largest stable step in s, 2/omega of the fastest oscillation with the stiffest tangent that the law
-    tells (`stiffest`, else the one at rest) on the present shape, by power iteration.
+    tells (`stiffest`, else the one at rest) on the present shape, by power iteration. `weigh`: steps from one entry of
+    the ledger to the next.
 
     Args:
         motion, residual, bcs, set_load, start: as for `newmark.Newmark`. Directors should have the inertia of a cell
@@ -77,7 +78,7 @@ class CentralDifference(Stepper):
         self.mass = motion.lump()
         if self.comm.allreduce(bool((self.mass <= 0.0).any())):
             raise InputError("Explicit motion needs directors with inertia: leave the rotary part of the mass in.")
-        self.stable = stable_step.find(self)
+        self.stable, self.weigh = stable_step.find(self), WEIGH
         lumped = fem.Function(self.V)
         lumped.x.array[:] = self.mass
         motion.mass = PETSc.Mat().createDiagonal(lumped.x.petsc_vec.copy())
@@ -258,7 +259,7 @@ class CentralDifference(Stepper):
                 check(self._bcs, self.V)
                 good = [array.copy() for array in self._arrays()], self.extra.numbers() if self.extra else {}
                 for part in range(1, parts + 1):
-                    self._weighs = part % WEIGH == 0 or part == parts
+                    self._weighs = part % self.weigh == 0 or part == parts
                     self.ts.step()
                 self._weighs = True
                 self.time = begun + every
