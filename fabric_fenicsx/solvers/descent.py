@@ -8,7 +8,7 @@ and the signs of D in K = L D L' tell whether K is positive definite. Where it i
 being just large enough (`pivots`). A correction is shortened until E falls (Armijo). Where K is positive definite,
 whole steps are tried first, and E may rise for a few (watchdog, Chamberlain et al. 1982, doi 10.1007/BFb0120945). In
 balance K is looked at again: where it has a negative pivot, the sheet goes along the lowest mode, as far as E falls,
-and descends from there.
+and descends from there. A balance after that which is no lower is taken: at a kink a pivot tells of one side only.
 
 After a whole step strains are unknowns of their own (`foreseen`), until whole steps have not let E fall.
 """
