@@ -241,19 +241,8 @@ def _say(name, table, joint):
     )
 
 
-COLUMNS = (
-    "moment at 90",
-    "at most",
-    "at degrees",
-    "work",
-    "in cycle",
-    "law",
-    "friction",
-    "snaps",
-    "pressure",
-    "strain",
-)
-UNITS = ("mN m", "mN m", "", "mJ", "mJ", "mJ", "mJ", "mJ", "kPa", "%")
+COLUMNS = ("at 90", "at most", "where", "work up", "in cycle", "law", "friction", "snaps", "pressure", "strain")
+UNITS = ("mN m", "mN m", "degrees", "mJ", "mJ", "mJ", "mJ", "mJ", "kPa", "%")
 
 
 def _table(tables):
