@@ -150,7 +150,8 @@ def test_lagged_friction_is_the_slope_of_its_potential(triangles, static):
     if not triangles:  # those have entries between nodes of the sheet
         way[near.count :], sheet = 0.0, slice(0, 3 * near.count)
         (_, f0), (_, f1), (_, f) = at(1 - 1e-4), at(1 + 1e-4), at(1.0)
-    expected = (sum(term._matrices()) @ way.ravel())[sheet]
+    parts = [*term._matrices(), *(near.blocks(block, way.size) for near, block in term._blocks())]
+    expected = (sum(parts) @ way.ravel())[sheet]
     assert (f1 - f0).ravel()[sheet] / 2e-8 == pytest.approx(expected, abs=1e-4 * np.abs(expected).max())
     assert term.symmetric and term.dissipated() == pytest.approx(1e-4 * np.sum(f * way))
     with pytest.raises(InputError, match="one coefficient for all directions"):

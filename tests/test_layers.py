@@ -51,7 +51,8 @@ FLOORS = [
             {"statics", "foreseen"},
             {"descent"},
             {"step", "stable_step", "stepper", "drifting"},
-            {"newmark", "explicit"},
+            {"newmark", "parts"},
+            {"explicit"},
             {"energy"},
         ]
     },
@@ -68,7 +69,7 @@ FLOORS = [
     {"sheet"},
     {
         "contact": [
-            {"triangles", "skin"},
+            {"triangles", "skin", "kernels"},
             {"bodies"},
             {"coefficients", "free_body", "shapes", "points"},
             {"gaps", "deforming", "free_bodies"},

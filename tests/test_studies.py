@@ -104,6 +104,19 @@ def test_front_and_cheapest_setting(monkeypatch):
     assert study.apart(None, np.ones(2)) == np.inf and study.apart(np.array([1.0, 3.0]), np.array([1.0, 4.0])) == 0.25
 
 
+def test_the_cost_of_contact_is_told(monkeypatch, tmp_path, capsys):
+    monkeypatch.syspath_prepend(DEMOS)
+    words = ["--cells", "4", "--end", "0.03", "--laws", "elastic", "--stack", "3", "--lying", "0.02"]
+    monkeypatch.setattr(sys, "argv", ["contact_cost", *words, "--out", str(tmp_path)])
+    with pytest.raises(SystemExit) as end:
+        runpy.run_path(str(DEMOS / "contact_cost.py"), run_name="__main__")
+    assert end.value.code == 0 and "times the Newton iterations a step of the drape" in capsys.readouterr().out
+    with open(tmp_path / "contact_cost.csv", newline="") as file:
+        rows = list(csv.DictReader(file))
+    shares = [float(row["contact_percent"]) for row in rows]
+    assert len(rows) == 5 and all(0.0 < share < 100.0 for share in shares[::2]) and shares[1] == shares[3] == 0.0
+
+
 def test_the_base_of_a_study_is_the_default_of_its_demo(monkeypatch):
     monkeypatch.syspath_prepend(DEMOS)
     monkeypatch.syspath_prepend(DEMOS.parent)

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 
 from ..laws import Array
-from .pairs import PairTerm
+from .pairs import Blocks, PairTerm
 
 
 class Barrier(PairTerm):
@@ -23,6 +23,9 @@ class Barrier(PairTerm):
     def _matrices(self) -> list[Any]:
         return self._around.collisions.hessians()
 
+    def _blocks(self) -> Blocks:
+        return [(near, near.hessian()) for near in self._around.collisions.gaps.near]
+
     def longest_step(self, change: Array) -> float:
         """See `Term.longest_step`."""
         return self._around.free_part(change)
@@ -35,8 +38,10 @@ class Barrier(PairTerm):
 
     def follow(self) -> bool:
         """See `Term.follow`."""
+        before = self._around.led
         there = self._around.lead()
-        self.evaluate()
+        if self._around.led is not before:
+            self.evaluate()
         return there
 
     def carry(self, held: np.ndarray) -> Array | None:

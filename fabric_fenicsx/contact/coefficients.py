@@ -11,6 +11,7 @@ from scipy.optimize import brentq
 
 from ..laws import Array
 from ..sheet import Sheet
+from . import kernels
 from .skin import Skin
 
 
@@ -19,16 +20,10 @@ def coulomb(slid: Array, length: float, static: Array | float, kinetic: Array | 
 
     It grows as 2 y - y^2 over the `length`, the coefficient itself going smoothly from static to kinetic.
     """
-    y = slid / length
-    sliding = y >= 1.0
-    step = np.where(y < 0.5, 2 * y**2, 1 - 2 * (1 - y) ** 2)
-    mu, rise = (
-        static + (kinetic - static) * step,
-        (kinetic - static) * np.where(y < 0.5, 4.0, 4 / np.maximum(y, 0.5) - 4),
-    )
-    h = np.where(sliding, kinetic / np.where(sliding, slid, 1.0), mu * (2 - y) / length)
-    bend = (rise * (2 - y) - mu / np.where(sliding, 1.0, np.maximum(y, 1e-12))) / length**3
-    return h, np.where(sliding, -kinetic / np.where(sliding, slid, 1.0) ** 3, bend)
+    way, most, least = np.broadcast_arrays(slid, static, kinetic)
+    own = [np.array(part, dtype=float).ravel() for part in (way, most, least)]
+    h, bend = kernels.coulomb(own[0], own[1], own[2], length)
+    return h.reshape(way.shape), bend.reshape(way.shape)
 
 
 def stored(slid: Array, length: float, static: float, kinetic: float) -> Array:

@@ -12,6 +12,7 @@ import numpy as np
 
 from ..errors import InputError
 from ..laws import Array
+from . import kernels
 from .bodies import Body, Capsule, Plane, Sphere
 from .gaps import Gaps, response
 from .points import parts
@@ -107,9 +108,11 @@ class Collisions:
         self.barrier = kit.BarrierPotential(kit.ClampedLogBarrier(), self.reach, self.stiffness, True)
         self._broad, self._narrow = kit.LBVH(), kit.AdditiveCCD()
         self.set = self._empty()
-        self._allowed = max(2 * self.reach, 0.1 * float(np.sqrt(self._areas.mean())))
-        """How far a corner may go before pairs that are near are looked for again, m; large cells have few."""
+        self._size, self._allowed = float(np.sqrt(self._areas.mean())), 0.0
+        """How far a corner may go before pairs that are near are looked for again, m."""
         self._near, self._about = kit.Candidates(), np.full((self._solid, 3), np.nan)
+        self._free = np.zeros(self._solid)
+        """How far each corner may go from there while nothing touches it, m, if all others go as far as they may."""
 
     def _empty(self) -> Any:
         found = self.kit.NormalCollisions()
@@ -120,7 +123,7 @@ class Collisions:
     def at(self, x: Array) -> Any:
         """The pairs of corners in these places (n, 3)."""
         found, near, x = self._empty(), self._near, np.asfortranarray(x[: self._solid])
-        if not self._far(x) < self._allowed:
+        if not self._far(x).max() < self._allowed:
             near = self.kit.Candidates()
             near.build(self.mesh, x, (self.reach + self.offset) / 2, self._broad)
         found.build(near, self.mesh, x, self.reach, self.offset)
@@ -145,13 +148,35 @@ class Collisions:
         if self.kit is None:
             return True
         # a broad phase costs as much as all the rest: its pairs are of a wider reach, good until a corner has left it
-        if not self._far(self.met) < self._allowed:
-            self._about = self.met
-            self._near.build(self.mesh, self.met, self._allowed + (self.reach + self.offset) / 2, self._broad)
-        self.set.build(self._near, self.mesh, self.met, self.reach, self.offset)
-        if self._apart() <= 0.0:
-            self.set.ee_collisions = self._off_line(self.set.ee_collisions, self.met)
+        far = self._far(self.met)
+        if not far.max() < self._allowed:
+            self._look_around()
+            far = np.zeros(self._solid)
+        if (far < self._free).all():
+            self.set.clear()
+        else:
+            self.set.build(self._near, self.mesh, self.met, self.reach, self.offset)
+            if self._apart() <= 0.0:
+                self.set.ee_collisions = self._off_line(self.set.ee_collisions, self.met)
         return True
+
+    def _look_around(self) -> None:
+        """Find the pairs that are near: further around where nothing touches, since large cells have few."""
+        self._about, touch = self.met, self.reach + self.offset
+        self._allowed = max(2 * self.reach, (0.1 if len(self.set) else 0.25) * self._size)
+        around = self._allowed + touch / 2
+        self._near.build(self.mesh, self.met, around, self._broad)
+        # pairs that have not been found are twice as far apart as was looked around each
+        apart = np.ravel(self._near.compute_per_vertex_safe_distances(self.mesh, self.met, 2 * around, 0.0))
+        self._free = (apart - touch) / 2
+        lone = apart >= 2 * around
+        if lone.all():
+            self._near.clear()
+        elif lone.mean() > 0.5:  # boxes around neighbours overlap: drop pairs with a corner far from all else
+            edges, faces = lone[self.edges].any(axis=1), lone[self.faces].any(axis=1)
+            near = self._near
+            near.ee_candidates = [p for p in near.ee_candidates if not (edges[p.edge0_id] or edges[p.edge1_id])]
+            near.fv_candidates = [p for p in near.fv_candidates if not (faces[p.face_id] or lone[p.vertex_id])]
 
     def _off_line(self, pairs: list[Any], x: Array) -> list[Any]:
         """Pairs of edges without those on one line, one after the other.
@@ -188,11 +213,8 @@ class Collisions:
         return self._gradient
 
     def hessians(self) -> list[Any]:
-        """Its second derivative, sparse matrices of SciPy, N/m, to be summed up; without those of bodies' corners."""
-        found = [near.blocks(near.hessian(), self.x.size) for near in self.gaps.near if len(near.points)]
-        if len(self.set):
-            found.append(self.barrier.hessian(self.set, self.mesh, self.met))
-        return found
+        """Second derivative of what pairs store, sparse matrices of SciPy, N/m, to be summed up."""
+        return [self.barrier.hessian(self.set, self.mesh, self.met)] if len(self.set) else []
 
     def least_gap(self) -> float:
         """Least distance less the offset, m; infinite where nothing is within reach."""
@@ -219,22 +241,15 @@ class Collisions:
             pair = self.set[k]
             yield pair, np.array(pair.vertex_ids(self.edges, self.faces)[: pair.num_vertices()])
 
-    def _apart_from_all(self, way: Array) -> Array:
-        """Of a way of all corners, what is not common to all."""
-        return way - way.mean(axis=0)
-
-    def _far(self, x: Array) -> float:
-        """How far from where pairs were looked for, m; what all go together does not count."""
-        way = self._apart_from_all(x - self._about)
-        return float(np.sqrt(np.einsum("ij,ij->i", way, way).max()))
+    def _far(self, x: Array) -> Array:
+        """How far each corner is from where pairs were looked for (n,), m; what all go together does not count."""
+        return np.asarray(kernels.apart(x, self._about))
 
     def _cannot_meet(self, moved: Array) -> bool:
         """Whether nothing that is near can meet on a way of all corners as short as this."""
-        gap = min(self.reach, self._apart())
-        moved = self._apart_from_all(moved)
-        squares = np.einsum("ij,ij->i", moved, moved)
+        gap, far = min(self.reach, self._apart()), kernels.apart(moved, np.zeros_like(moved))
         # two corners of the sheet may close in on each other, those of bodies do not
-        most = np.sqrt(squares[: self.count].max()), np.sqrt(squares[self.count :].max(initial=0.0))
+        most = far[: self.count].max(), far[self.count :].max(initial=0.0)
         return bool(most[0] + max(most) < 0.9 * gap)
 
     def crossed(self) -> bool:
@@ -250,7 +265,7 @@ class Collisions:
         since the toolkit's other one may take minutes.
         """
         here = np.array_equal(x0, self.x)
-        part = self.gaps.free_part(x0, x1, here)
+        part = self.gaps.free_part(x0, x1)
         if self.kit is None:
             return part
         x0, x1 = x0[: self._solid], x1[: self._solid]
@@ -258,7 +273,14 @@ class Collisions:
         moved = x1 - x0
         if here and self._cannot_meet(moved):
             return part
-        if max(map(self._far, (x0, x1))) < self._allowed:
+        before, after = self._far(x0), self._far(x1)
+        if here and after.max() >= self._allowed and before.max() > 0.25 * self._allowed:
+            self._look_around()
+            before, after = self._far(x0), self._far(x1)
+        far = np.maximum(before, after)
+        if (far < self._free).all():
+            return part
+        if far.max() < self._allowed:
             swept = self._near
         else:
             swept = self.kit.Candidates()

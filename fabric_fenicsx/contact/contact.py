@@ -148,7 +148,7 @@ class Contact:
         near, found, part = self._around.collisions, np.zeros(len(self.rest), dtype=bool), self._part(body)
         for one in near.gaps.near:
             if one.shape.body is body:
-                found |= one.matrix.T @ np.ones(len(one.points)) > 0.0
+                found[one.grid.nodes[one.points][one.grid.shares[one.points] > 0.0]] = True
         for _, nodes in near.pairs():
             if ((nodes >= part.start) & (nodes < part.stop)).any():
                 found[nodes[nodes < near.count]] = True

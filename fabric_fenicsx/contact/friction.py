@@ -11,7 +11,7 @@ import numpy as np
 from ..laws import Array
 from .coefficients import Coefficients
 from .gaps import Near
-from .pairs import PairTerm
+from .pairs import Blocks, PairTerm
 from .surroundings import Surroundings
 
 
@@ -81,12 +81,15 @@ class Friction(PairTerm):
         still = np.zeros(x.shape, order="F")
         return self._pairs, near.mesh, x, still, np.asfortranarray(x - x0), near.barrier, near.offset
 
+    def _blocks(self) -> Blocks:
+        near = self._around.collisions
+        closed = near.gaps.friction(near.x, self._around.x0, self._length, self._coefficients, True)
+        return [(one, change) for one, (_, change) in zip(near.gaps.near, closed, strict=True)]
+
     def _matrices(self) -> list[Any]:
         self._forces()
         near = self._around.collisions
-        closed = near.gaps.friction(near.x, self._around.x0, self._length, self._coefficients, True)
-        every = zip(near.gaps.near, closed, strict=True)
-        found = [one.blocks(change, near.x.size) for one, (_, change) in every if len(change)]
+        found: list[Any] = []
         if len(near.set):
             *first, offset = self._arguments()
             by = type(self._law).DiffWRT
@@ -153,13 +156,13 @@ class Lagged(Friction):
         near.gaps.add([force for _, force, _ in self._in_closed_form()], total, self._start)
         return total
 
+    def _blocks(self) -> Blocks:
+        self._slid()
+        return [(one, change) for one, (_, _, change) in zip(self._start, self._in_closed_form(), strict=True)]
+
     def _matrices(self) -> list[Any]:
         slid, near = self._slid(), self._around.collisions
-        every = zip(self._start, self._in_closed_form(), strict=True)
-        found = [one.blocks(change, near.x.size) for one, (_, _, change) in every if len(change)]
-        if len(slid) and len(self._pairs):
-            found.append(self._law.hessian(self._pairs, near.mesh, slid))
-        return found
+        return [self._law.hessian(self._pairs, near.mesh, slid)] if len(slid) and len(self._pairs) else []
 
     def potential(self) -> float:
         """See `Term.potential`."""

@@ -16,6 +16,7 @@ import scipy.sparse
 from scipy.spatial import cKDTree
 
 from ..laws import Array
+from . import kernels
 from .bodies import Body, Plane
 from .coefficients import Coefficients, coulomb, stored
 from .points import Grid
@@ -45,10 +46,13 @@ class Near:
     reach: float
     stiffness: float
 
-    @cached_property
-    def matrix(self) -> scipy.sparse.csr_array:
-        """Shares of nodes in these points."""
-        return self.grid.matrix[self.points]
+    def at(self, x: Array) -> Array:
+        """What values x (nodes, 3) are at these points (k, 3)."""
+        return np.asarray(kernels.between(self.grid.nodes, self.grid.shares, self.points, x))
+
+    def spread(self, forces: Array, total: Array) -> None:
+        """Add forces on these points (k, 3) to those on nodes."""
+        kernels.spread(forces, self.grid.nodes, self.grid.shares, self.points, total)
 
     @cached_property
     def curvature(self) -> Array:
@@ -98,25 +102,19 @@ class Near:
 
         x0: the nodes at the last commit; way: of the body's corners since then; length: see `coulomb`; x: the nodes.
         """
-        n, force = self.normals, self.force
-        went, by_x = self.shape.carried(self.x, self.pose, way)
-        slid = self.x - self.matrix @ x0 - went
-        off = np.einsum("ki,ki->k", slid, n)
-        along = slid - off[:, None] * n
-        size, main = np.linalg.norm(along, axis=1), self.grid.nodes[self.points, 0]
+        force, (grid, pose) = self.force, (self.grid, self.pose)
+        mean, by_x = self.shape.led(pose, way)
+        own = grid.nodes, grid.shares, self.points, self.x, self.normals
+        slid, along = kernels.slid(*own, x0, pose[0], mean, by_x)
+        size, main = np.sqrt(np.einsum("ki,ki->k", along, along)), grid.nodes[self.points, 0]
         mu, rise = coefficients.along(main, along, x)
         h, bend = coulomb(size, length, *mu)
         if not tangent:
             return (force * h)[:, None] * along, np.empty((0, 3, 3))
-        flat = np.eye(3) - n[:, :, None] * n[:, None, :]
-        turns = off[:, None, None] * self.curvature
-        turns = turns + n[:, :, None] * np.einsum("ki,kij->kj", slid, self.curvature)[:, None]
-        by_place = flat @ (np.eye(3) - by_x) - turns
-        change = (self.slope * h)[:, None, None] * along[:, :, None] * n[:, None, :]
-        pulled = (bend[:, None] * along)[:, :, None] * np.einsum("ki,kij->kj", along, by_place)[:, None]
-        change += force[:, None, None] * (h[:, None, None] * by_place + pulled)
+        change = kernels.rub(force, self.slope, h, bend, self.normals, self.curvature, slid, along, by_x)
         if not coefficients.uniform:
             each = np.stack([coulomb(size, length, 1.0, 0.0)[0], coulomb(size, length, 0.0, 1.0)[0]])
+            flat = np.eye(3) - self.normals[:, :, None] * self.normals[:, None, :]
             turned = np.einsum("sk,skc,kcd->kd", force * each, rise, flat)
             change += along[:, :, None] * turned[:, None, :]
         return (force * h)[:, None] * along, change
@@ -127,7 +125,7 @@ class Near:
         mu: static, kinetic. Its potential (J), forces on points (k, 3), and their derivatives (k, 3, 3).
         """
         flat = np.eye(3) - self.normals[:, :, None] * self.normals[:, None, :]
-        slid = np.einsum("kij,kj->ki", flat, self.matrix @ x - self.x - self.shape.carried(self.x, self.pose, way)[0])
+        slid = np.einsum("kij,kj->ki", flat, self.at(x) - self.x - self.shape.carried(self.x, self.pose, way))
         size = np.linalg.norm(slid, axis=1)
         h, bend = coulomb(size, length, *mu)
         change = h[:, None, None] * flat + bend[:, None, None] * slid[:, :, None] * slid[:, None, :]
@@ -154,41 +152,41 @@ class Gaps:
         grids = {n: Grid(rest, faces, n) for n in set(counts)}
         self._grids = [grids[n] for n in counts]
         self._offset, self._reach, self._stiffness = offset, reach, stiffness
-        self._about: list[tuple[Array, Array, np.ndarray, scipy.sparse.csr_array] | None] = [None] * len(counts)
+        self._about: list[tuple[Array, Array, np.ndarray] | None] = [None] * len(counts)
         self.near: list[Near] = []
 
-    def _candidates(self, k: int, x: Array, pose: Pose) -> tuple[np.ndarray, Array]:
-        """Points that may be within reach, and their places."""
-        grid, nodes = self._grids[k], x[: self._count]
-        if len(grid.areas) == self._count:
-            return np.arange(len(grid.areas)), nodes
-        about, slack = self._about[k], 0.25 * grid.edge
-        if about is None or _most(nodes - about[0]) + _most(x[self._corners[k]] - about[1]) > slack:
-            gaps = self._shapes[k].distances(nodes, pose)[0] - self._offset
-            near = gaps < self._reach + slack + 1.2 * grid.edge
-            points = np.flatnonzero(near[grid.nodes[:, 0]])
-            about = self._about[k] = nodes, x[self._corners[k]], points, grid.matrix[points]
-        return about[2], about[3] @ nodes
+    def _slack(self, k: int) -> float:
+        """How far points may go before those are looked for again that may be within reach, m."""
+        return max(2 * self._reach, 0.1 * self._grids[k].edge)
+
+    def _candidates(self, k: int, x: Array, pose: Pose) -> np.ndarray:
+        """Points that may be within reach, or get there on a way as long as the slack."""
+        about, slack, nodes, corners = self._about[k], self._slack(k), x[: self._count], x[self._corners[k]]
+        if about is None or kernels.most(nodes - about[0]) + kernels.most(corners - about[1]) > slack:
+            grid = self._grids[k]
+            every = np.arange(len(grid.areas))
+            points = self._looked(k, nodes, pose, every, self._offset + self._reach + 2 * slack)[0]
+            about = self._about[k] = nodes, corners, points
+        return about[2]
 
     def place(self, x: Array) -> None:
         """Take all places x for the present ones."""
-        self._seen = [self._looked(k, x) for k in range(len(self._shapes))]
-        self.near = [self._near(k, *seen) for k, seen in enumerate(self._seen)]
+        self.near = self.look(x)
 
     def look(self, x: Array) -> list[Near]:
         """For each body, what it presses on at all places x."""
-        return [self._near(k, *self._looked(k, x)) for k in range(len(self._shapes))]
+        return [self._near(k, x) for k in range(len(self._shapes))]
 
-    def _looked(self, k: int, x: Array) -> tuple[Pose, np.ndarray, Array, Array, Array]:
+    def _looked(self, k: int, nodes: Array, pose: Pose, points: np.ndarray, least: float) -> tuple[Array, ...]:
+        shape, grid = self._shapes[k], self._grids[k]
+        return tuple(kernels.look(shape.key, pose[0], pose[2], grid.nodes, grid.shares, points, nodes, least))
+
+    def _near(self, k: int, x: Array) -> Near:
         pose = self._shapes[k].pose(x[self._corners[k]])
-        points, places = self._candidates(k, x, pose)
-        size, normals, _ = self._shapes[k].distances(places, pose)
-        return pose, points, places, size - self._offset, normals
-
-    def _near(self, k: int, pose: Pose, points: np.ndarray, x: Array, gaps: Array, normals: Array) -> Near:
-        near = np.flatnonzero(gaps < self._reach)
-        found = points[near], x[near], gaps[near], normals[near]
-        return Near(self._shapes[k], pose, self._grids[k], *found, self._reach, self._stiffness)
+        points = self._candidates(k, x, pose)
+        found, places, far, normals = self._looked(k, x[: self._count], pose, points, self._offset + self._reach)
+        own = found, places, far - self._offset, normals
+        return Near(self._shapes[k], pose, self._grids[k], *own, self._reach, self._stiffness)
 
     def least(self) -> float:
         """Least gap, m; infinite where nothing is within reach."""
@@ -202,7 +200,7 @@ class Gaps:
         """Add forces on the points of each body (k, 3), now or `at` another time, to those of all corners."""
         for near, corners, force in zip(self.near if at is None else at, self._corners, forces, strict=True):
             if len(force):
-                total[: self._count] += near.matrix.T @ force
+                near.spread(force, total)
                 total[corners] -= near.shape.spread(near.x, force, near.pose)
 
     def forces(self) -> list[Array]:
@@ -211,8 +209,13 @@ class Gaps:
 
     def fastest(self, masses: Array) -> float:
         """The largest stiffness over the mass of a node, 1/s2."""
-        every = (near.matrix.T @ np.abs(near.slope) / masses for near in self.near if len(near.points))
-        return float(max((rates.max() for rates in every), default=0.0))
+        fastest = 0.0
+        for near in self.near:
+            if len(near.points):
+                stiffness = np.zeros((self._count, 3))
+                near.spread(np.repeat(-near.slope[:, None], 3, axis=1), stiffness)
+                fastest = max(fastest, float((stiffness[:, 0] / masses).max()))
+        return fastest
 
     def friction(
         self, x: Array, x0: Array, length: float, coefficients: Coefficients, tangent: bool
@@ -231,32 +234,26 @@ class Gaps:
         n, every = self._count, zip(start, self._corners, strict=True)
         return [near.lagged(x[:n], x[part] - x0[part], length, mu) for near, part in every]
 
-    def free_part(self, x0: Array, x1: Array, here: bool = False) -> float:
+    def free_part(self, x0: Array, x1: Array) -> float:
         """The part of the straight way from x0 to x1, up to 1, at whose end no gap is less than a tenth of its start.
 
         A distance from what is convex is a convex function along a straight way: Newton's method comes from below.
-        here: whether x0 are the present places.
         """
         part = 1.0
         for k, (shape, corners) in enumerate(zip(self._shapes, self._corners, strict=True)):
             a, b = x0[: self._count], x1[: self._count]
             poses, grid = (shape.pose(x0[corners]), shape.pose(x1[corners])), self._grids[k]
-            moved, rest = _most(b - a) + _most(x1[corners] - x0[corners]), len(grid.areas) == len(a)
-            if here and (rest or moved < self._reach):
-                gaps, points = self._seen[k][3], self._seen[k][1]
-                rows = points[gaps < moved]
-            else:
-                gaps = shape.distances(a, poses[0])[0] - self._offset
-                rows = np.flatnonzero((gaps < moved + (0.0 if rest else 1.2 * grid.edge))[grid.nodes[:, 0]])
-            if not len(rows):
-                continue
-            matrix = grid.matrix[rows]
-            y0, y1 = (shape.own(matrix @ x, pose) for x, pose in zip((a, b), poses, strict=True))
-            part = min(part, _free(shape, y0, y1 - y0, self._offset))
+            moved = kernels.most(b - a) + kernels.most(x1[corners] - x0[corners])
+            points = self._candidates(k, x0, poses[0])
+            if moved > self._reach + self._slack(k):
+                points = np.arange(len(grid.areas))
+            frames = [(pose[0], pose[2]) for pose in poses]
+            own = grid.nodes, grid.shares, points
+            free, gap, size = kernels.free_part(shape.key, frames[0], frames[1], *own, a, b, self._offset, moved)
             turn = float(np.linalg.norm(poses[1][2] - poses[0][2]))
-            if turn > 1e-12:  # ways are not straight in the frame of what turns
-                gap, size = gaps.min(), float(np.linalg.norm(y0, axis=1).max())
-                part = min(part, 0.5 * np.sqrt(max(gap, 0.0) / size) / turn)
+            if turn > 1e-12 and gap < moved:  # ways are not straight in the frame of what turns
+                free = min(free, 0.5 * np.sqrt(max(gap, 0.0) / size) / turn)
+            part = min(part, free)
         return float(part)
 
     def crossed(self) -> bool:
@@ -275,23 +272,3 @@ class Gaps:
             here = np.isfinite(far)
             found[here] = (near.force / near.grid.areas[near.points])[which[here]]
         return found
-
-
-def _most(way: Array) -> float:
-    return float(np.sqrt(np.einsum("ki,ki->k", way, way).max(initial=0.0)))
-
-
-def _free(shape: Shape, y: Array, way: Array, offset: float) -> float:
-    """See `Gaps.free_part`, in the frame of a body."""
-    at, left = np.zeros(len(y)), np.arange(len(y))
-    start = shape.away(y)[0][:, 3] - offset
-    for _ in range(30):
-        away, _ = shape.away(y[left] + at[left, None] * way[left])
-        gap, rate = away[:, 3] - offset - 0.1 * start[left], np.einsum("ki,ki->k", away[:, :3], way[left])
-        closing = (rate < 0.0) & (gap > 1e-3 * start[left])
-        step = np.where(closing, gap / np.where(closing, -rate, 1.0), np.where(rate < 0.0, 0.0, np.inf))
-        at[left] = np.minimum(at[left] + step, 1.0)
-        left = left[closing & (at[left] < 1.0)]
-        if not len(left):
-            break
-    return float(at.min(initial=1.0))

@@ -1,18 +1,38 @@
 """What terms of contact share: forces on all corners, and where their stiffness goes in the matrix of a sheet."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+import scipy.sparse
 
 from ..laws import Array
 from ..terms.term import Indices, Term
+from . import kernels
 from .free_bodies import FreeBodies
+from .gaps import Near
+from .points import Grid
 from .skin import Skin
 from .surroundings import Surroundings
 
-type Entries = tuple[np.ndarray, np.ndarray, np.ndarray]
-"""Pairs of corners as one number each, places in a pair's 3 x 3 entries, values."""
+type Blocks = list[tuple[Near, Array]]
+"""Points that are near a body, and derivatives (k, 3, 3) of forces on them by their places."""
+ROOM = 2.0
+"""How much larger than needed a pattern may get before what has not touched of late leaves it."""
+
+
+@dataclass
+class Entries:
+    """Of a stiffness: blocks, and matrices of all corners with the entries that their values are added to.
+
+    whole: whether there is room for all of them.
+    """
+
+    blocks: Blocks
+    matrices: Sequence[scipy.sparse.csc_array]
+    where: Sequence[np.ndarray]
+    whole: bool
 
 
 class Scatter:
@@ -24,67 +44,76 @@ class Scatter:
 
     def __init__(self, skin: Skin, free: FreeBodies | None = None) -> None:
         extra = np.empty((0, 3), dtype=np.int64) if free is None else free.unknowns
-        self._skin, n = skin, len(skin.rest)
-        self._unknowns, self._n = np.concatenate([skin.unknowns, extra]), n + len(extra)
+        self._unknowns, n = np.concatenate([skin.unknowns, extra]), len(skin.rest)
+        self._n = n + len(extra)
+        self._here = np.zeros(self._n, dtype=bool)
+        """Corners whose rows are this rank's."""
+        self._here[skin.mine], self._here[n:] = True, skin.last
         i, j = np.meshgrid(range(3), range(3), indexing="ij")
         every, beyond = np.arange(self._n), np.arange(n, self._n)
         first, second = (part.ravel() for part in np.meshgrid(every, beyond, indexing="ij"))
         pairs = (skin.faces[:, i.ravel()].ravel(), first, second), (skin.faces[:, j.ravel()].ravel(), second, first)
-        self._within = self.keys = self._own(*(np.concatenate(part) for part in pairs))
-        self._before, self._whole = self.keys[:0], skin.mine == slice(0, n)
-
-    def _here(self, i: np.ndarray) -> np.ndarray:
-        """Whether this rank has their rows."""
-        mine = self._skin.mine
-        return ((i >= mine.start) & (i < mine.stop)) | (self._skin.last & (i >= len(self._skin.rest)))
+        self._within = self._own(*(np.concatenate(part) for part in pairs))
+        self._keep(self._within)
 
     def _own(self, i: np.ndarray, j: np.ndarray) -> np.ndarray:
         """Pairs of corners, the first of this rank, as one sorted number each."""
-        own = self._here(i)
-        return np.unique(i[own].astype(np.int64) * self._n + j[own])
+        own = (i < self._n) & (j < self._n)
+        i, j = i[own], j[own]
+        return np.unique((i.astype(np.int64) * self._n + j)[self._here[i]])
 
-    def entries(self, matrices: Sequence[Any]) -> Entries | None:
-        """Pairs, places in a pair's 3 x 3 entries, and values of sparse matrices of all corners; some come again."""
-        parts = [matrix.tocoo() for matrix in matrices if matrix.nnz]
-        if not parts:
-            return None
-        row, column, values = (np.concatenate([getattr(p, name) for p in parts]) for name in ("row", "col", "data"))
-        inside = (row < 3 * self._n) & (column < 3 * self._n)
-        row, column, values = row[inside], column[inside], values[inside]
-        i, j = row // 3, column // 3
-        own = slice(None) if self._whole else self._here(i)
-        pair, within = i.astype(np.int64) * self._n + j, 3 * (row - 3 * i) + column - 3 * j
-        return pair[own], within[own], values[own]
+    def _keep(self, keys: np.ndarray) -> None:
+        """Have room for these pairs."""
+        self._keys, self._columns = keys, keys % self._n
+        self._starts = np.searchsorted(keys, np.arange(self._n + 1) * self._n)
+        self._slots: dict[int, tuple[Grid, np.ndarray]] = {}
 
-    def covers(self, found: Entries | None) -> bool:
-        """Whether all pairs are among those of `pattern`."""
-        if found is None or not len(found[0]):
-            return True
-        at = np.minimum(np.searchsorted(self.keys, found[0]), len(self.keys) - 1)
-        return bool((self.keys[at] == found[0]).all())
+    def entries(self, matrices: Sequence[Any], blocks: Blocks) -> Entries:
+        """Of a sum of sparse matrices of all corners, and of blocks."""
+        columns, where, whole = [scipy.sparse.csc_array(matrix) for matrix in matrices if matrix.nnz], [], True
+        for matrix in columns:
+            where.append(np.empty(matrix.nnz, dtype=np.int64))
+            within = matrix.indptr, matrix.indices, self._starts, self._columns, self._here
+            whole &= kernels.located(*within, where[-1])
+        return Entries([(near, block) for near, block in blocks if len(block)], columns, where, whole)
 
-    def pattern(self, found: Entries | None) -> tuple[Indices, Indices]:
-        """Global rows and columns of all entries, with room for these."""
-        now = np.unique(found[0]) if found is not None else self._before[:0]
-        if not self.covers(found):
-            self.keys = np.unique(np.concatenate([self._within, self._before, now]))
-            self._before = now
-        i, j = np.divmod(self.keys, self._n)
+    def room_for(self, found: Entries) -> None:
+        """Have room for more: for these entries."""
+        every = [matrix.tocoo() for matrix in found.matrices]
+        now = [self._own(part.row // 3, part.col // 3) for part in every]
+        needed = np.unique(np.concatenate([self._within, *now]))
+        keys = np.union1d(self._keys, needed)
+        self._keep(keys if len(keys) < ROOM * len(needed) else needed)
+
+    def pattern(self) -> tuple[Indices, Indices]:
+        """Global rows and columns of all entries."""
+        i, j = np.divmod(self._keys, self._n)
         rows, columns = self._unknowns[i], self._unknowns[j]
         return np.repeat(rows, 3, axis=1).ravel(), np.tile(columns, (1, 3)).ravel()
 
-    def add(self, found: Entries | None, values: Array) -> None:
+    def add(self, found: Entries, values: Array) -> None:
         """Add to the entries of `pattern`."""
-        if found is not None and len(found[0]):
-            at = 9 * np.searchsorted(self.keys, found[0]) + found[1]
-            values += np.bincount(at, found[2], minlength=len(values))
+        for matrix, where in zip(found.matrices, found.where, strict=True):
+            kernels.add_entries(where, matrix.data, values)
+        for near, block in found.blocks:
+            kernels.add_blocks(block, near.grid.shares, self._of(near.grid), near.points, values)
+
+    def _of(self, grid: Grid) -> np.ndarray:
+        """Where pairs of nodes of each point are, -1 if elsewhere: (points, 3, 3)."""
+        if id(grid) not in self._slots:
+            i, j = (part.ravel() for part in np.broadcast_arrays(grid.nodes[:, :, None], grid.nodes[:, None, :]))
+            keys = i.astype(np.int64) * self._n + j
+            at = np.minimum(np.searchsorted(self._keys, keys), max(len(self._keys) - 1, 0))
+            slots = np.where(self._keys[at] == keys, at, -1) if len(self._keys) else np.full(len(keys), -1)
+            self._slots[id(grid)] = grid, slots.reshape(-1, 3, 3)
+        return self._slots[id(grid)][1]
 
 
 class PairTerm(Term):
     """A force between corners, edges and triangles that are near each other.
 
-    A class derived from this one gives `_forces`, of all corners (n, 3) in N, and `_matrices`, whose sum is their
-    derivative by all places, sparse ones of SciPy.
+    A class derived from this one gives `_forces`, of all corners (n, 3) in N, and what their derivative is the sum of:
+    `_matrices`, by all places, sparse ones of SciPy, and `_blocks`, of points near bodies in closed form.
     """
 
     impulsive = True
@@ -101,12 +130,20 @@ class PairTerm(Term):
     def _matrices(self) -> list[Any]:
         raise NotImplementedError
 
-    def _entries(self) -> Entries | None:
+    def _blocks(self) -> Blocks:
+        raise NotImplementedError
+
+    def _summands(self) -> tuple[list[Any], Blocks]:
+        matrices, blocks, free = self._matrices(), self._blocks(), self._around.free
+        if free is not None:
+            size = self._around.collisions.x.size
+            matrices += [near.blocks(block, size) for near, block in blocks if len(block)]
+            return [free.reduced(matrices, self._forces())] if matrices else [], []
+        return matrices, blocks
+
+    def _entries(self) -> Entries:
         if self._found is None:
-            found, free = self._matrices(), self._around.free
-            if free is not None and found:
-                found = [free.reduced(found, self._forces())]
-            self._found = self._scatter.entries(found)
+            self._found = self._scatter.entries(*self._summands())
         return self._found
 
     def evaluate(self, tangent: bool = True, stiffest: bool = False) -> bool:
@@ -126,11 +163,15 @@ class PairTerm(Term):
     @property
     def pattern_changed(self) -> bool:  # type: ignore[override]
         """See `Term.pattern_changed`."""
-        return not self._scatter.covers(self._entries())
+        return not self._entries().whole
 
     def pattern(self) -> tuple[Indices, Indices]:
         """See `Term.pattern`."""
-        return self._scatter.pattern(self._entries())
+        found = self._entries()
+        if not found.whole:
+            self._scatter.room_for(found)
+            self._found = self._scatter.entries(found.matrices, found.blocks)
+        return self._scatter.pattern()
 
     def add_stiffness(self, values: Array) -> None:
         """See `Term.add_stiffness`."""
@@ -141,7 +182,8 @@ class PairTerm(Term):
         if not self._first:
             return 0.0
         around, count = self._around, self._around.collisions.count
-        return float(np.sum((self._forces() * (around.collisions.x - around.x0))[count:][around.driven]))
+        way = (around.collisions.x[count:] - around.x0[count:])[around.driven]
+        return float(np.sum(self._forces()[count:][around.driven] * way)) if way.any() else 0.0
 
     def supplied(self) -> float:
         """See `Term.supplied`."""

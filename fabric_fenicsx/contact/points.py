@@ -5,7 +5,6 @@ them triangles dip into sharp edges, by half their distance at most.
 """
 
 import numpy as np
-import scipy.sparse
 
 from ..laws import Array
 from .bodies import Body, Box, Capsule, Cylinder, Plane, Sphere
@@ -30,8 +29,8 @@ def parts(body: Body, edge: float, offset: float) -> int:
 class Grid:
     """The points of a sheet, n to an edge of its triangles.
 
-    Public: `nodes` (k, 3) and their `shares` (k, 3) of each point, the largest first; `areas` (k,), m2; `matrix` (k,
-    nodes), of the shares; `apart`, the most between two of them at rest, m.
+    Public: `nodes` (k, 3) and their `shares` (k, 3) of each point, the largest first; `areas` (k,), m2; `apart`,
+    the most between two of them at rest, m.
     """
 
     def __init__(self, rest: Array, faces: np.ndarray, n: int) -> None:
@@ -51,8 +50,5 @@ class Grid:
         keys, which = np.unique(np.column_stack([nodes, shares]), axis=0, return_inverse=True)
         self.nodes, self.shares = np.maximum(keys[:, :3], 0), keys[:, 3:] / n
         self.areas = np.bincount(which.ravel(), np.outer(third, weights).ravel(), minlength=len(keys))
-        rows = np.repeat(np.arange(len(keys)), 3)
-        entries = self.shares.ravel(), (rows, self.nodes.ravel())
-        self.matrix = scipy.sparse.csr_array(entries, shape=(len(keys), len(rest)))
         self.apart = float(edges(rest, faces).max()) / n
         self.edge = n * self.apart

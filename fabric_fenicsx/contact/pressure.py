@@ -39,4 +39,9 @@ def _of_pairs(near: Collisions) -> list[tuple[np.ndarray, Array]]:
 
 def _of_gaps(near: Collisions) -> list[tuple[np.ndarray, Array]]:
     every = zip(near.gaps.near, near.gaps.forces(), strict=True)
-    return [(np.arange(near.count), one.matrix.T @ force) for one, force in every if len(force)]
+    found = []
+    for one, force in every:
+        if len(force):
+            found.append((np.arange(near.count), np.zeros((near.count, 3))))
+            one.spread(force, found[-1][1])
+    return found

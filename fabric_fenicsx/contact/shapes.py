@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from ..laws import Array
+from . import kernels
 from .bodies import Body, Box, Capsule, Cylinder, Plane, Sphere
 
 type Pose = tuple[Array, Array, Array]
@@ -19,7 +20,8 @@ type Pose = tuple[Array, Array, Array]
 class Shape:
     """How far places are from a body, which moves as its corners (n, 3) do.
 
-    Public: `body`; `curved`, its least radius of curvature, m: infinite of a plane, 0 of what has sharp edges.
+    Public: `body`; `curved`, its least radius of curvature, m: infinite of a plane, 0 of what has sharp edges; `key`,
+    as `kernels` take it.
     """
 
     def __init__(self, body: Body) -> None:
@@ -27,16 +29,18 @@ class Shape:
         self._arms = body.rest - body.rest.mean(axis=0)
         self._inverse = np.linalg.pinv(self._arms)
         self._last: tuple[Array, Pose] | None = None
+        kind, size = kernels.BALL, np.zeros(3)
         match body:
             case Plane():
-                self.curved, self._size = np.inf, np.zeros(3)
+                kind, self.curved, size = kernels.PLANE, np.inf, body.normal
             case Sphere():
                 self.curved = self.radius = body.radius
             case Cylinder():
-                self._frame, self._size = body.frame, np.array([body.radius, 0.0, body.length / 2])
+                kind, self._frame, size = kernels.ROUND, body.frame, np.array([body.radius, 0.0, body.length / 2])
                 self.curved = self.radius = body.radius if isinstance(body, Capsule) else 0.0
             case Box():
-                self._frame, self._size, self.curved = body.frame, np.array(body.size) / 2, 0.0
+                kind, self._frame, size, self.curved = kernels.BOX, body.frame, np.array(body.size) / 2, 0.0
+        self.key = kind, size, float(self.radius)
 
     def pose(self, corners: Array) -> Pose:
         """Of its corners; of a rigid motion on the way between two poses, the nearest one."""
@@ -60,61 +64,26 @@ class Shape:
             return middle, turn, np.asarray(self._frame @ bent.T)
         return middle, turn, np.asarray(self._frame @ turn.T)
 
-    def own(self, x: Array, pose: Pose) -> Array:
-        """Places in the body's own frame."""
-        return np.asarray((x - pose[0]) @ pose[2].T)
-
     def distances(self, x: Array, pose: Pose, curvature: bool = False) -> tuple[Array, Array, Any]:
         """Of places (k, 3): distances, their gradients (k, 3), and their second derivatives (k, 3, 3) if asked for.
 
         Within the core the distance is 0, and within a radius of it negative.
         """
-        away, bend = self.away(self.own(x, pose), curvature)
-        frame, size = pose[2], away[:, 3]
-        if curvature:
-            bend = frame.T @ bend @ frame
-        return size, away[:, :3] @ frame, bend
-
-    def away(self, y: Array, curvature: bool = False) -> tuple[Array, Any]:
-        """As `distances` of places in the own frame: gradient and distance (k, 4), second derivative."""
-        if isinstance(self.body, Plane):
-            n = self.body.normal
-            return np.column_stack([np.tile(n, (len(y), 1)), y @ n]), np.zeros((len(y), 3, 3)) if curvature else None
-        core, free = self._core(y, curvature)
-        n = y - core
-        size = np.sqrt(np.einsum("ki,ki->k", n, n))
-        n /= np.maximum(size, 1e-300)[:, None]
-        bend = None
-        if curvature:
-            bend = (free - n[:, :, None] * n[:, None, :]) / np.maximum(size, 1e-300)[:, None, None]
-        return np.column_stack([n, size - self.radius]), bend
-
-    def _core(self, y: Array, curvature: bool) -> tuple[Array, Any]:
-        """The nearest places of the core in the body's own frame, and I - dy/dx."""
-        free = np.zeros((len(y), 3, 3)) if curvature else None
-        if isinstance(self.body, Sphere):
-            return np.zeros_like(y), np.eye(3)
-        core = np.clip(y, -self._size, self._size)
-        if isinstance(self.body, Cylinder):
-            across = np.sqrt(y[:, 0] ** 2 + y[:, 1] ** 2)
-            left = np.zeros(len(y)) if self.radius else np.minimum(1.0, self._size[0] / np.maximum(across, 1e-300))
-            core[:, :2] = left[:, None] * y[:, :2]
-            if free is not None:
-                r = np.where(left < 1.0, 1.0, 0.0)[:, None] * y[:, :2] / np.maximum(across, 1e-300)[:, None]
-                free[:, :2, :2] = (1 - left)[:, None, None] * np.eye(2)
-                free[:, :2, :2] += left[:, None, None] * r[:, :, None] * r[:, None, :]
-                free[:, 2, 2] = np.abs(y[:, 2]) > self._size[2]
-        elif free is not None:
-            free[:, range(3), range(3)] = np.abs(y) > self._size
-        return core, free
+        x, frame = np.ascontiguousarray(x), (pose[0], pose[2])
+        size, normals = kernels.distances(self.key, *frame, x)
+        return size, normals, kernels.curvatures(self.key, *frame, x) if curvature else None
 
     def spread(self, x: Array, forces: Array, pose: Pose) -> Array:
         """Forces (k, 3) at places (k, 3) that move with the body, on its corners (n, 3): with the same moment."""
         even = forces.sum(axis=0) / len(self._arms)
         return np.asarray(even + (pose[1] @ self._inverse).T @ ((x - pose[0]).T @ forces))
 
-    def carried(self, x: Array, pose: Pose, way: Array) -> tuple[Array, Array]:
-        """How far places (k, 3) go that move with its corners on their way (n, 3), and the derivative by a place."""
+    def led(self, pose: Pose, way: Array) -> tuple[Array, Array]:
+        """How its corners' way (n, 3) leads all that moves with it: by a mean + (place - middle) @ a matrix."""
         mean = way.mean(axis=0)
-        by_x = pose[1] @ self._inverse @ (way - mean)
-        return mean + (x - pose[0]) @ by_x, by_x.T
+        return mean, pose[1] @ self._inverse @ (way - mean)
+
+    def carried(self, x: Array, pose: Pose, way: Array) -> Array:
+        """How far places (k, 3) go that move with its corners on their way (n, 3)."""
+        mean, by_x = self.led(pose, way)
+        return np.asarray(mean + (x - pose[0]) @ by_x)

@@ -23,6 +23,15 @@ def drift(q, v, displacements, directors, dt):
 
 
 @numba.njit(cache=True, error_model="numpy")
+def weighed(mass, values):
+    """Sum of mass times the squares of the first values."""
+    total = 0.0
+    for i in range(len(values)):
+        total += mass[i] * values[i] * values[i]
+    return total
+
+
+@numba.njit(cache=True, error_model="numpy")
 def lay(values, q, directors):
     """Take from values what is along the directors of q."""
     for node in directors:

@@ -2,6 +2,8 @@
 
 Nothing is solved for, and no tangent is compiled. Mass is lumped, see `motion.Motion.lump`. Directors turn on their
 sphere by the angle of a step, rigid bodies freely between two pushes (`bodies.Body.drift`).
+
+A step is as long as the sheet allows; impulsive forces act in parts of it, see `parts`.
 """
 
 import math
@@ -9,38 +11,30 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
-from mpi4py import MPI
-from dolfinx import fem, la
+from dolfinx import fem
 from petsc4py import PETSc
 
 from ..errors import InputError, StepFailed
 from ..laws import Array
 from ..shell.dirichlet import check
 from ..terms.extra import extra_force
-from ..terms.term import Residual, Term
+from ..terms.term import Residual
 from . import stable_step
 from .checkpoint import Field
 from .continuation import Step, progress_bar
-from .drifting import drift, lay
-from .leading import HELD, free_part, limited
+from .drifting import lay
+from .leading import HELD
 from .motion import Motion
-from .stepper import Stepper
+from .parts import RESOLVING, SHORTEST, InParts
 
 SAFETY = 0.9
 """Step as a part of the largest stable one."""
-SHORTEST, RESOLVING = 1 / 64, 1 / 1024
-"""Of a step that terms shorten, and of one that resolves impacts of bodies with mass."""
-STIFF = 1.0
-"""The most of a step times the frequency of what limits it: a sheet that is pressed hard has no stable step above 2."""
-RESOLVED, SLOW = 10.0, 0.5
-"""Steps, at least, in which a body with mass closes a gap; and the most of a step times the frequency of what limits
-it. Else impacts make energy: of a box at 2 m/s 28 % with 4 and 1.8, and 0.5 % so."""
 WEIGH = 20
 """Steps from one entry of the ledger to the next, if it is not told."""
 
 
-class CentralDifference(Stepper):
-    """M a + residual(q, velocity) = 0 at the start of every step; a Python type of PETSc's TS, which is `ts`.
+class CentralDifference(InParts):
+    """M a + residual(q, velocity) = 0 at the ends of every step; a Python type of PETSc's TS, which is `ts`.
 
     `stable` is the largest stable step in s, 2/omega of the fastest oscillation with the stiffest tangent that the law
     tells (`stiffest`, else the one at rest) on the present shape, by power iteration. `weigh`: steps from one entry of
@@ -67,7 +61,7 @@ class CentralDifference(Stepper):
             start = motion.space.function().x.array
             motion.space.supports(bcs)
             self.q.x.array[:] += motion.space.function().x.array - start
-        self._force = la.vector(self.V.dofmap.index_map, self.V.dofmap.index_map_bs)
+        self._split()
         self._given_v = self._given_a = np.zeros(len(motion.given))
         self.directors = np.empty((0, 3), dtype=np.int32) if motion.space is None else motion.space.nodes
         self._displacements = np.setdiff1d(np.arange(len(self.q.x.array), dtype=np.int32), self.directors.ravel())
@@ -93,8 +87,9 @@ class CentralDifference(Stepper):
 
     def fields(self) -> list[Field]:
         """The arrays of the last step; see `checkpoint`."""
-        moved = zip(("q", "v", "a"), (self.q, self.motion.velocity, self.motion.acceleration), strict=True)
-        return [(name, None, function.x.array) for name, function in moved] + super().fields()
+        moved = {"q": self.q.x.array, "v": self.motion.velocity.x.array, "a": self.pull}
+        moved |= {"push": self.push} if self._sudden else {}
+        return [(name, None, array) for name, array in moved.items()] + super().fields()
 
     def renew(self) -> None:
         """Go on from what has been put into `fields` and `numbers`."""
@@ -102,111 +97,46 @@ class CentralDifference(Stepper):
         for term in self.terms:
             term.renew()
         self.evaluate()
+        self._strike()
+        self._add_up()
         self._go_on()
 
     _weighs = True
 
     # -- a step ---------------------------------------------------------------------------------------------------
 
-    @property
-    def owned(self) -> int:
-        """Number of the unknowns that are this rank's own; they come first."""
-        return int(self.V.dofmap.index_map.size_local * self.V.dofmap.index_map_bs)
-
     def evaluate(self, stiffest: bool = False) -> Array:
-        """Residual at the present q and velocity, local array, complete on ghosts too; see `Term.evaluate`."""
-        force = self._force.array
-        force[:] = 0.0
-        for term in self.terms:
-            term.evaluate(tangent=False, stiffest=stiffest)
-            term.add_force(force)
-        self._force.scatter_reverse(la.InsertMode.add)
-        self._force.scatter_forward()
-        return np.asarray(force)
+        """Steady forces at the present q and velocity, local array, complete on ghosts too; see `Term.evaluate`."""
+        return self._summed(self._steady, self._force, stiffest)
+
+    def _add_up(self) -> None:
+        if self._sudden:
+            np.add(self.pull, self.push, out=self.motion.acceleration.x.array)
 
     def step(self, ts: PETSc.TS) -> None:
         """One step of `ts`'s length; never raises."""
-        self._step(ts.getTimeStep(), (RESOLVING if self.extra else SHORTEST) * ts.getTimeStep())
-        ts.setTime(self.time)
-
-    def _step(self, dt: float, shortest: float) -> None:
-        """A step of dt (s), in halves where terms limit it; if the shortest is too long still, all slows down."""
-        motion = self.motion
-        q, v, a = self.q.x.array, motion.velocity.x.array, motion.acceleration.x.array
-        some = limited(self.terms)
-        part = free_part(some, self._way(dt), self.comm) if some else 1.0
-        if some and dt > shortest and (part < 1.0 or not self._resolves(some, dt)):
-            self._step(dt / 2, shortest)
-            self._step(dt / 2, shortest)
-            return
-        if part < 1.0:
-            moving = float(np.sum(self.mass[: self.owned] * v[: self.owned] ** 2)) / 2
-            beside = self.extra.kinetic() if self.extra and self.comm.rank == 0 else 0.0
-            self._lag -= (1.0 - part**2) * (moving + beside)
-            v *= part
-            a *= part
-            if self.extra:
-                self.extra.slow(part)
-        for term in self.terms:
+        dt, v, weighs = ts.getTimeStep(), self.motion.velocity.x.array, self.ledger is not None and self._weighs
+        for term in self._steady:
             term.prepare(dt)
-        before = self._square()
-        v += 0.5 * dt * a
-        drift(q, v, self._drifting, self._turning, dt)
-        for body in self.bodies:
-            body.drift(q, v, self.mass, dt)
-        if self.extra:
-            self.extra.drift(dt)
-        self.time += dt
-        self._move_supports(dt)
-        self._led = all([term.follow() for term in self.terms])
-        force = self.evaluate()
-        np.divide(force, self.mass, out=a)
-        a *= -1.0
-        a[motion.given] = self._given_a
-        self.lay(a, q)
-        v += 0.5 * dt * a
-        v[motion.given] = self._given_v
-        if self.extra:
-            self.extra.kick(extra_force(self.terms, self.extra.count), dt)
-        self._lag += dt**2 / 8 * (self._square() - before)
-        if self.ledger is not None and self._weighs:
+        before = self._square(self.pull)
+        v += 0.5 * dt * self.pull
+        self._part(dt, (RESOLVING if self.extra else SHORTEST) * dt)
+        self._accelerate(self.evaluate(), self.pull, self._given_a)
+        v += 0.5 * dt * self.pull
+        v[self.motion.given] = self._given_v
+        self._lag += dt**2 / 8 * (self._square(self.pull) - before)
+        self._add_up()
+        if weighs:
             self.ledger.weigh()
-        for term in self.terms:
+        for term in self._steady:
             term.commit()
-        if self.ledger is not None and self._weighs:
+        if weighs:
             self.ledger.accept()
-
-    _led, _lag = True, 0.0
-
-    def _way(self, dt: float) -> Array:
-        """Of q in a step of dt, local array."""
-        way, motion = np.zeros_like(self.q.x.array), self.motion
-        moved = self._displacements
-        way[moved] = dt * (motion.velocity.x.array[moved] + 0.5 * dt * motion.acceleration.x.array[moved])
-        if self.extra:
-            self.extra.aim(dt)
-        return way
-
-    def _resolves(self, some: Sequence[Term], dt: float) -> bool:
-        """Whether terms that limit steps are soft enough for one of dt, and bodies with mass have a part of it left."""
-        fastest = self.comm.allreduce(max(term.fastest(self.mass) for term in some), MPI.MAX)
-        if dt**2 * fastest > (SLOW if self.extra else STIFF) ** 2:
-            return False
-        if not self.extra:
-            return True
-        way = RESOLVED * self._way(dt)
-        self.extra.change = RESOLVED * self.extra.change
-        return free_part(some, way, self.comm) == 1.0
-
-    def _square(self) -> float:
-        """Of inertia over mass, on this rank, N m/s2."""
-        a = self.motion.acceleration.x.array[: self.owned]
-        beside = self.extra.lag() if self.extra and self.comm.rank == 0 else 0.0
-        return float(np.sum(self.mass[: self.owned] * a * a)) + beside
+        ts.setTime(self.time)
 
     def forces(self) -> Array:
         """M a + residual in N at the owned unknowns: at supports, the reactions."""
-        total = self._force.array + self.mass * self.motion.acceleration.x.array
+        total = self._force.array + self._blow.array + self.mass * self.motion.acceleration.x.array
         return np.asarray(total[: self.owned])
 
     def lag(self) -> float:
@@ -229,10 +159,10 @@ class CentralDifference(Stepper):
         motion.velocity.x.array[motion.given] = self._given_v
         for body in self.bodies:
             body.project(motion.velocity.x.array, self.q.x.array, self.mass)
-        a = motion.acceleration.x.array
-        a[:] = -self.evaluate() / self.mass
-        a[motion.given] = self._given_a
-        self.lay(a, self.q.x.array)
+        self._accelerate(self.evaluate(), self.pull, self._given_a)
+        if self._sudden:
+            self._accelerate(self._strike(), self.push, 0.0)
+        self._add_up()
         if self.extra:
             self.extra.start(extra_force(self.terms, self.extra.count))
         if self.ledger is not None:
@@ -288,6 +218,9 @@ class CentralDifference(Stepper):
         if self.extra:
             self.extra.set_numbers(good[1])
         reached, self.time = self.time, begun
+        self.set_load(begun)  # what is led is back, too
+        for term in self.terms:
+            term.renew()
         raise StepFailed(
             f"Explicit motion failed between {begun:.6g} and {reached:.6g} s: {said}. The step, "
             f"{self.ts.getTimeStep():.3g} s, is too large for what the sheet has become; take a smaller one."
