@@ -11,11 +11,13 @@ from mpi4py import MPI
 from dolfinx import fem
 from hypothesis import given, settings
 from hypothesis import strategies as some
+from scipy.spatial.transform import Rotation
 
 from fabric_fenicsx import sheet
 from fabric_fenicsx.contact import bodies
 from fabric_fenicsx.contact.collisions import Collisions
 from fabric_fenicsx.contact.contact import Contact
+from fabric_fenicsx.contact.triangles import squares
 from fabric_fenicsx.errors import InputError, StepFailed
 from fabric_fenicsx.laws.svk import StVenantKirchhoff
 from fabric_fenicsx.solvers import statics
@@ -289,3 +291,25 @@ def test_edges_on_one_line_do_not_meet():
     near.place(x)
     assert near.least_gap() == np.inf and not near.gradient().any()
     assert near.free_part(x, x + 1e-5 * np.arange(24).reshape(8, 3)) == 1.0
+
+
+@pytest.mark.parametrize(
+    ("ratio", "low", "high"), [(8, 1.2, 1.8), (2, 2.5, 4), (1, 5, 10), (0.5, 7, 10), (0.25, 14, 19)]
+)
+def test_pressure_hangs_on_the_cells_of_a_body_as_the_docstring_says(ratio, low, high):
+    """At half the reach, over the stiffness: each crossing of two edges counts, of which fine bodies have many."""
+    pytest.importorskip("ipctk")
+    rng = np.random.default_rng(0)
+
+    def grid(n, size, turn=0.0):
+        s = np.linspace(-size / 2, size / 2, n + 1)
+        x = np.stack([*np.meshgrid(s, s, indexing="ij"), np.zeros((n + 1, n + 1))], axis=-1).reshape(-1, 3)
+        return x @ Rotation.from_rotvec([0, 0, turn]).as_matrix(), squares(n + 1, n + 1)
+
+    rest, faces = grid(10, 0.2)
+    count = int(np.ceil(0.5 / 0.02 / ratio))
+    below, triangles = grid(count, count * 0.02 * ratio, rng.uniform(0, np.pi))
+    table = bodies.Body(below + [0.003, 0.001, 0.0], triangles, "table")
+    near = Collisions(rest, faces, [table], False, 4e-4, 2e-3, 1.0)
+    near.place(np.concatenate([rest + [0, 0, 1.4e-3], table.rest]))
+    assert low < -near.gradient()[: len(rest), 2].sum() / 0.2**2 < high

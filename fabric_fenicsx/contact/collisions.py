@@ -1,7 +1,8 @@
 """What is near to what: pairs of corners, edges and triangles, by the IPC Toolkit (Li et al. 2020, `ipctk`).
 
 Its barrier b(d) is zero from the `reach` on and infinite at distance zero, d being the distance less the offset. With
-area weights, and its stiffness k as a pressure (Pa), sheets at half the reach press with about k to 6 k, by meshes.
+area weights, and its stiffness k as a pressure (Pa), a sheet at half the reach presses with 1.5 k on a body of much
+larger cells, about 8 k on one of cells like its own, 16 k where these are a quarter: all crossings of edges count.
 """
 
 import itertools
