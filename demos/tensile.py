@@ -298,7 +298,9 @@ def arguments():
     parser.add_argument(
         "--imperfection", type=command.number, default=0.0, help="height in mm of a half wave along a shell strip"
     )
-    parser.add_argument("--search", choices=["energy", "newton"], help="(if left out, energy where it is bent)")
+    parser.add_argument(
+        "--search", choices=["energy", "newton"], help="(if left out, along the energy, if there is one)"
+    )
     parser.add_argument("--whole", action="store_true", help="go back to zero displacement, past zero force")
     parser.add_argument("--out", type=Path, default=Path("out/tensile"))
     return command.parse(parser)

@@ -64,7 +64,7 @@ def strip(
     "plane", "membrane" or "shell", the latter two of a mesh in space: there the ends stay in their plane and are
     gripped; while the strip is flat it does what it does in the plane. `imperfection` (m) bends a shell into a half
     wave. `quadrature` is the degree of polynomials whose work in the plane is integrated exactly, by
-    default twice `degree`. `search`: see `sheet.Sheet.equilibrium`; by default along the energy where it is bent.
+    default twice `degree`. `search`: see `sheet.Sheet.equilibrium`; by default along the energy.
     """
     for what, value, known in (("ends", ends, Ends), ("level", level, Level)):
         if value not in get_args(known.__value__):
@@ -109,8 +109,7 @@ def strip(
     buckles = imperfection != 0.0
     options: dict[str, object] = {"snes_linesearch_type": "basic" if buckles else "bt"}
     rtol = 1e-10 if buckles else 1e-6
-    search = search or ("energy" if buckles else "newton")
-    solver = StableSolver(residual, u, bcs, rtol=rtol, options=options, space=shell, search=search)
+    solver = StableSolver(residual, u, bcs, rtol=rtol, options=options, space=shell, search=search or "energy")
 
     def pull(displacement: float) -> None:
         end.value = displacement
