@@ -82,7 +82,7 @@ class Term:
         return None
 
     def add_turned(self, values: Array) -> None:
-        """`add_stiffness` by displacements and angles, at the entries of `turned_pattern`."""
+        """As `add_stiffness`, by displacements and angles: add to values, at the entries of `turned_pattern`."""
 
     def longest_step(self, change: Array) -> float:
         """The part of a change of q (local array) that may be taken at most, on this rank; up to 1."""
