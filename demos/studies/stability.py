@@ -31,7 +31,9 @@ COLOURS = {"works": "#a6dcc6", "refused": "#56b4e9", "stopped": "#e69f00", "inac
 
 def as_wanted(wanted, verdict):
     """Whether what came of a trial may be."""
-    return verdict == wanted or (wanted == stability_trials.ANY and verdict in ("works", "stopped", "refused"))
+    may = {stability_trials.ANY: ("works", "stopped", "refused")}
+    may[stability_trials.TOLD] = (*may[stability_trials.ANY], "inaccurate")
+    return verdict == wanted or verdict in may.get(wanted, ())
 
 
 def limit(rows):
