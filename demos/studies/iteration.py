@@ -40,7 +40,7 @@ def parts(run):
     return {
         "law": [(law, "_respond")],
         "strains, forces": [(InternalWork, "evaluate"), (own, "add_up")],
-        "element stiffness": [(InternalWork, "add_stiffness")],
+        "element stiffness": [(InternalWork, "add_stiffness"), (InternalWork, "add_turned")],
         "sum of the matrix": [(matrix, "assemble"), (matrix, "eliminate"), (matrix, "sound")],
         "directors": [(sheet, "turn"), (sheet, "add_curvature"), (sheet, "commit")],
         "factors": [(solves, "_balance")],

@@ -27,7 +27,7 @@ def fallen(speed=1.0, dt=2e-3, steps=15, under=None, **touching):
     for step in run.march(steps * dt, dt):
         gap, cuts = min(gap, touch.least_gap()), cuts + step.step_cuts
         if gap <= 0.0 or touch.crossed():
-            return "passed through", False
+            raise RuntimeError("the sheet has passed through")  # a fault, whatever is asked
     lost, off = ledger.totals["by_impact"] / max(moving, 1e-300), ledger.worst / max(ledger.most, moving, 1e-300)
     said = f"least gap {1e3 * gap:.3g} mm, {cuts} cuts, imbalance {100 * off:.2f} %"
     return said + (f", impact takes {100 * lost:.1f} %" if speed else ""), off <= 0.03

@@ -113,6 +113,7 @@ def stiffness(batch, tangent, stress, weights, turn, out):
     points, size, moved = M.shape[1], 3 * n + 3, 3 * start.shape[1] + 3
     r, x, W = np.zeros((n, 3, LANES)), np.zeros((n, 3, LANES)), np.empty((len(pairs), LANES))
     side, N = np.empty((points * strains, size, LANES)), np.zeros(LANES)
+    T = np.zeros((directors.shape[1], 2, 3, LANES))
     last = size if turn is None else moved + 2 * directors.shape[1]
     B, CB, K, G = (
         np.empty((len(side), last)),
@@ -124,6 +125,11 @@ def stiffness(batch, tangent, stress, weights, turn, out):
         cells = min(LANES, len(weights) - block * LANES)
         _gather(block, rest, start, normal, directors, q, dofs, r, x)
         W[:], side[:] = 0.0, 0.0
+        if turn is not None:
+            numbers, slopes = turn
+            for lane in range(cells):
+                for i in range(directors.shape[1]):
+                    T[i, :, :, lane] = slopes[numbers[block * LANES + lane, i]]
         for p in range(points):
             t = 0
             for a in range(strains):
@@ -144,24 +150,19 @@ def stiffness(batch, tangent, stress, weights, turn, out):
                     for m in range(3):
                         for lane in range(LANES):
                             row[m, lane] -= row[3 * i + 3 + m, lane]
+                if turn is not None:
+                    for i in range(directors.shape[1]):
+                        at, to = moved + 3 * i, moved + 2 * i
+                        for lane in range(LANES):
+                            one, two, three = row[at, lane], row[at + 1, lane], row[at + 2, lane]
+                            for angle in range(2):
+                                of = T[i, angle]
+                                row[to + angle, lane] = of[0, lane] * one + of[1, lane] * two + of[2, lane] * three
         for lane in range(cells):
             c = block * LANES + lane
             for a in range(points * strains):
-                for j in range(moved):
+                for j in range(last):
                     B[a, j] = side[a, j, lane]
-                if turn is None:
-                    for j in range(moved, size):
-                        B[a, j] = side[a, j, lane]
-                else:
-                    numbers, slopes = turn
-                    for i in range(directors.shape[1]):
-                        of, at = slopes[numbers[c, i]], moved + 3 * i
-                        for s in range(2):
-                            B[a, moved + 2 * i + s] = (
-                                of[s, 0] * side[a, at, lane]
-                                + of[s, 1] * side[a, at + 1, lane]
-                                + of[s, 2] * side[a, at + 2, lane]
-                            )
             CB[:] = 0.0
             for p in range(points):
                 for a in range(strains):
