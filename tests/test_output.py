@@ -10,6 +10,7 @@ import sys
 import numpy as np
 import pytest
 import pyvista
+import test_cli
 import test_demos
 from mpi4py import MPI
 from vtkmodules.vtkIOXML import vtkXMLUnstructuredGridReader
@@ -26,43 +27,8 @@ from fabric_fenicsx.solvers.continuation import Step
 from fabric_fenicsx.surfaces import meshing
 
 COMM = MPI.COMM_WORLD
-MOTION = f"""
-title = "a fall"
-[mesh]
-file = "{meshing.MESHES}/drape.geo"
-numbers = {{ side = 1.0, n = 4, a = 0.25 }}
-[sheet]
-fabric = "blend"
-[[support]]
-at = "corners"
-kind = "hinge"
-[[load]]
-kind = "gravity"
-acceleration_m_per_s2 = [0, 0, -9.81]
-[dynamics]
-end_s = 0.04
-[[probe]]
-name = "centre"
-at = "centre"
-axis = "z"
-"""
-STATIC = f"""
-[mesh]
-file = "{meshing.MESHES}/strip.geo"
-numbers = {{ nx = 3, ny = 1 }}
-[sheet]
-fabric = "blend"
-[[support]]
-at = "fixed_end"
-kind = "clamp"
-[[support]]
-at = "pulled_end"
-kind = "grip"
-shift_m = [0.004, 0, 0]
-[statics]
-steps = 4
-turns = [1, 0.5]
-"""
+MOTION = 'title = "a fall"' + test_cli.MOTION.replace("end_s = 0.02", "end_s = 0.04")
+STATIC = test_cli.STATIC.replace("nx = 6, ny = 2", "nx = 3, ny = 1").replace("steps = 2", "steps = 4")
 
 
 def shared(tmp_path):

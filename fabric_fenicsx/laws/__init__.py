@@ -45,6 +45,12 @@ class Law(Protocol):
         ...
 
 
+def empty(strain: Array, state: Array) -> tuple[Array, Array, Array]:
+    """Arrays for what a law answers to a strain (n, m) and a state, where `out` is not given."""
+    n, m = strain.shape
+    return np.empty((n, m)), np.empty((n, m, m)), np.empty_like(state)
+
+
 @runtime_checkable
 class HasStiffness(Protocol):
     """A linear law without history: S = C E."""

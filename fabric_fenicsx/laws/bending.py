@@ -25,7 +25,7 @@ import numba
 import numpy as np
 
 from ..fabrics import BendingCurves
-from . import Array
+from . import Array, empty
 from .svk import StVenantKirchhoff
 
 if TYPE_CHECKING:
@@ -74,9 +74,7 @@ class Bending:
         self, strain: Array, state: Array, out: tuple[Array, Array, Array] | None = None
     ) -> tuple[Array, Array, Array]:
         """Moments (n, 3) in N, tangent (n, 3, 3) in N m and the new state; see `laws.Law.respond`."""
-        if out is None:
-            n = len(strain)
-            out = np.empty((n, 3)), np.empty((n, 3, 3)), np.empty_like(state)
+        out = out or empty(strain, state)
         bend(strain, state, *out, self._elastic, self.curves.coupling, self._friction)
         return out
 

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..errors import InputError
-from . import Array, HasPotential, HasRecoverable, HasStiffest, HasStiffness, Law
+from . import Array, HasPotential, HasRecoverable, HasStiffest, HasStiffness, Law, empty
 from .section import Section
 
 
@@ -64,8 +64,7 @@ class LayUp:
     ) -> tuple[Array, Array, Array]:
         """Resultants (n, 6), tangent (n, 6, 6) and new state; see `laws.Law.respond`."""
         n = len(strain)
-        if out is None:
-            out = np.empty((n, 6)), np.empty((n, 6, 6)), np.empty(state.shape)
+        out = out or empty(strain, state)
         resultants, moduli, new = out
         total, stiffness = np.zeros((n, 6)), np.zeros((n, 6, 6))
         states, changed = (np.split(array, self._ends, axis=1) for array in (state, new))

@@ -14,7 +14,7 @@ import numba
 import numpy as np
 
 from ..errors import InputError
-from . import Array, HasCalibration, HasPotential, HasRecoverable, HasStiffest, HasStiffness, Law
+from . import Array, HasCalibration, HasPotential, HasRecoverable, HasStiffest, HasStiffness, Law, empty
 
 type Energy = Callable[[Array, Array], Array]
 
@@ -51,9 +51,8 @@ class OwnBending:
         self, strain: Array, state: Array, out: tuple[Array, Array, Array] | None = None
     ) -> tuple[Array, Array, Array]:
         """Resultants (n, 6), tangent (n, 6, 6) and new state; see `laws.Law.respond`."""
-        n, own = len(strain), self._own
-        if out is None:
-            out = np.empty((n, 6)), np.empty((n, 6, 6)), np.empty(state.shape)
+        own = self._own
+        out = out or empty(strain, state)
         resultants, moduli, new = out
         self.law.respond(strain[:, :3], state[:, :own], (resultants[:, :3], moduli[:, :3, :3], new[:, :own]))
         self.bending.respond(strain[:, 3:], state[:, own:], (resultants[:, 3:], moduli[:, 3:, 3:], new[:, own:]))

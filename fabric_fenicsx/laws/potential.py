@@ -42,7 +42,7 @@ import numpy as np
 from numpy.polynomial import Polynomial
 
 from ..errors import InputError
-from . import Array, Poisson, elements, play
+from . import Array, Poisson, elements, empty, play
 from .svk import StVenantKirchhoff
 from .woven import RAMP, beyond_calibration, ratios
 
@@ -162,9 +162,7 @@ class Potential:
         self, strain: Array, state: Array, out: tuple[Array, Array, Array] | None = None
     ) -> tuple[Array, Array, Array]:
         """Stress (n, 3) and tangent (n, 3, 3) in Pa and the new state; see `laws.Law.respond`."""
-        if out is None:
-            n = len(strain)
-            out = np.empty((n, 3)), np.empty((n, 3, 3)), np.empty_like(state)
+        out = out or empty(strain, state)
         elements.respond(strain, state, *out, self._elements, *self._directions, self._shearing)
         if self._play:
             play.respond(strain, state, *out, self._play, SHEAR)

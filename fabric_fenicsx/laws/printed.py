@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from . import Array, Poisson, kernels
+from . import Array, Poisson, empty, kernels
 from .woven import beyond_calibration, ratios
 
 if TYPE_CHECKING:
@@ -44,9 +44,7 @@ class Printed:
         self, strain: Array, state: Array, out: tuple[Array, Array, Array] | None = None
     ) -> tuple[Array, Array, Array]:
         """Stress (n, 3) and tangent (n, 3, 3) in Pa and the new state; see `laws.Law.respond`."""
-        if out is None:
-            n = len(strain)
-            out = np.empty((n, 3)), np.empty((n, 3, 3)), np.empty_like(state)
+        out = out or empty(strain, state)
         kernels.printed(strain, state, *out, self._curves, *self._nu, self._hysteretic)
         return out
 

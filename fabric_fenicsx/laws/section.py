@@ -12,7 +12,7 @@ import numba
 import numpy as np
 
 from ..errors import InputError
-from . import Array, HasPotential, HasRecoverable, HasStiffest, HasStiffness, Law
+from . import Array, HasPotential, HasRecoverable, HasStiffest, HasStiffness, Law, empty
 
 
 class Section:
@@ -59,11 +59,8 @@ class Section:
 
         The tangent of `out` is left as it is where it is not wanted (tangent=False).
         """
-        n, m = strain.shape
-        layers = len(self._powers)
-        if out is None:
-            out = np.empty((n, m)), np.empty((n, m, m)), np.empty(state.shape)
-        resultants, moduli, new = out
+        n, layers = len(strain), len(self._powers)
+        out = resultants, moduli, new = out or empty(strain, state)
         if len(self._scratch[0]) != n * layers:
             # strain, stress and tangent of the layers: room that is kept, nothing that is remembered
             self._scratch = tuple(np.empty((n * layers, *shape)) for shape in ((3,), (3,), (3, 3)))

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..errors import InputError
-from . import Array, Poisson
+from . import Array, Poisson, empty
 
 
 class StVenantKirchhoff:
@@ -91,8 +91,7 @@ class StVenantKirchhoff:
         self, strain: Array, state: Array, out: tuple[Array, Array, Array] | None = None
     ) -> tuple[Array, Array, Array]:
         """Stress, tangent (the stiffness) and state (empty) of n points; see `Law.respond`."""
-        n, m = strain.shape
-        stress, tangent, new_state = out or (np.empty((n, m)), np.empty((n, m, m)), np.empty_like(state))
+        stress, tangent, new_state = out or empty(strain, state)
         with np.errstate(invalid="ignore", over="ignore"):  # NaN and inf come in legitimately
             np.matmul(strain, self.stiffness.T, out=stress)
         # An infinite strain would give some components a finite or infinite stress.

@@ -24,7 +24,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from ..errors import InputError
-from . import Array, Poisson, kernels
+from . import Array, Poisson, empty, kernels
 from .svk import StVenantKirchhoff
 
 if TYPE_CHECKING:
@@ -80,9 +80,7 @@ class Woven:
         self, strain: Array, state: Array, out: tuple[Array, Array, Array] | None = None
     ) -> tuple[Array, Array, Array]:
         """Stress (n, 3) and tangent (n, 3, 3) in Pa and the new state; see `laws.Law.respond`."""
-        if out is None:
-            n = len(strain)
-            out = np.empty((n, 3)), np.empty((n, 3, 3)), np.empty_like(state)
+        out = out or empty(strain, state)
         kernels.woven(strain, state, *out, self._curves, *self._nu, self.shear_hysteresis, self.reciprocal)
         return out
 

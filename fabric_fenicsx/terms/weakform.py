@@ -173,7 +173,8 @@ def shear_stiffness(
     nothing (Lyly, Stenberg, Vihinen 1993, doi 10.1016/0045-7825(93)90018-Q, and common practice).
     bending: B in Pa, E/2/(1 + nu) of the modulus E with which the shell bends; by default it is G, as if isotropic.
     """
-    limited = [5 / 6 * G * thickness / (1.0 + reach * _width(domain, G, thickness, bending)) for G in moduli]
+    first, second, h = (_number(domain, value) for value in (*moduli, thickness))
+    limited = [5 / 6 * G * h / (1.0 + reach * _width(domain, G, h, bending)) for G in (first, second)]
     return ufl.as_matrix([[limited[0], 0.0], [0.0, limited[1]]])
 
 
@@ -203,7 +204,13 @@ def shear_share(
 
 def _width(domain: mesh.Mesh, modulus: Expr | float, h: Expr | float, bending: Expr | float | None) -> Expr:
     """A G/(B h^2) of a cell."""
-    return _cell_area(domain.ufl_domain()) * (1.0 if bending is None else modulus / bending) / h**2
+    ratio = 1.0 if bending is None else _number(domain, modulus) / _number(domain, bending)
+    return _cell_area(domain.ufl_domain()) * ratio / _number(domain, h) ** 2
+
+
+def _number(domain: mesh.Mesh, value: Expr | float) -> Expr:
+    """A constant, not a digit of the kernel: that of another fabric is not compiled anew."""
+    return value if isinstance(value, Expr) else fem.Constant(domain, float(value))
 
 
 def _cell_area(domain: ufl.Mesh) -> Expr:
