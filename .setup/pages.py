@@ -23,7 +23,7 @@ from pygments.lexers import PythonLexer
 ROOT = Path(__file__).resolve().parents[1]
 README = ROOT / ".readme"
 MODULES = ("fabric_fenicsx", "fabric_fenicsx.scenes.reading", "fabric_fenicsx.identify.listing",
-           "fabric_fenicsx.identify.records")  # fmt: skip
+           "fabric_fenicsx.identify.files")  # fmt: skip
 STYLE = """
 body { font: 16px/1.55 system-ui, sans-serif; margin: 0 auto; max-width: 52rem; padding: 1rem; color: #222; }
 nav { font-size: 0.9rem; border-bottom: 1px solid #ccc; padding-bottom: 0.5rem; } nav a { margin-right: 1rem; }

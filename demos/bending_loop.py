@@ -19,8 +19,8 @@ import numpy as np
 
 from fabric_fenicsx import plots
 from fabric_fenicsx.app import command
-from fabric_fenicsx.identify import loops
-from fabric_fenicsx.identify.bending import KES_2HB, KES_B
+from fabric_fenicsx.identify.bending import loops
+from fabric_fenicsx.identify.bending.found import KES_2HB, KES_B
 from fabric_fenicsx.laws import driver
 from fabric_fenicsx.laws.bending import Bending
 from fabric_fenicsx.output import pictures, results

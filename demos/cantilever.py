@@ -21,7 +21,7 @@ from scipy.optimize import brentq
 
 from fabric_fenicsx import plots
 from fabric_fenicsx.app import command
-from fabric_fenicsx.identify import elastica, hanging
+from fabric_fenicsx.identify.bending import elastica, hanging
 from fabric_fenicsx.output import pictures, results
 from fabric_fenicsx.solvers import statics
 from fabric_fenicsx.terms import supports

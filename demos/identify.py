@@ -15,7 +15,8 @@ from mpi4py import MPI
 from fabric_fenicsx import fabrics
 from fabric_fenicsx.app import command
 from fabric_fenicsx.errors import InputError
-from fabric_fenicsx.identify import making, synthetic
+from fabric_fenicsx.identify import making
+from fabric_fenicsx.identify.synthetic import synthetic
 from fabric_fenicsx.output import results
 from fabric_fenicsx.surfaces import meshing
 

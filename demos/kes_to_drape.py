@@ -46,8 +46,8 @@ import numpy as np
 
 from fabric_fenicsx import fabrics, plots
 from fabric_fenicsx.app import command
-from fabric_fenicsx.identify import loops
-from fabric_fenicsx.identify.bending import KES_2HB, KES_B
+from fabric_fenicsx.identify.bending import loops
+from fabric_fenicsx.identify.bending.found import KES_2HB, KES_B
 
 DEMOS = Path(__file__).resolve().parent
 args = command.script(__doc__.split("\n")[0], "out/kes_to_drape", cell=10.0, end=1.0)

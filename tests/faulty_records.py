@@ -13,7 +13,8 @@ import numpy as np
 
 from fabric_fenicsx import fabrics
 from fabric_fenicsx.errors import InputError
-from fabric_fenicsx.identify import identification, listing, synthetic
+from fabric_fenicsx.identify import identification, listing
+from fabric_fenicsx.identify.synthetic import synthetic
 
 HEAD = {"time": ("Time", "s"), "displacement": ("Extension", "mm"), "force": ("Load", "N")}
 GROUPS = ("", "", "", ",", ".", " ", "\u00a0", "\u202f", "'")

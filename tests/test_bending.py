@@ -10,7 +10,7 @@ from fabric_fenicsx import fabrics
 from fabric_fenicsx.errors import InputError
 from fabric_fenicsx.fabrics import BendingCurve, BendingCurves
 from fabric_fenicsx.fabrics.bending import bias_bound, bias_of_twist, twist_of_bias
-from fabric_fenicsx.identify import loops
+from fabric_fenicsx.identify.bending import loops
 from fabric_fenicsx.laws import driver
 from fabric_fenicsx.laws.bending import CHORDS, Bending
 from fabric_fenicsx.laws.own_bending import OwnBending

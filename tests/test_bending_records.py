@@ -10,19 +10,14 @@ from fabric_fenicsx import fabrics
 from fabric_fenicsx.errors import InputError
 from fabric_fenicsx.fabrics import BendingCurve, BendingCurves
 from fabric_fenicsx.fabrics.bending import bias_of_twist
-from fabric_fenicsx.identify import (
-    bending_fit,
-    bending_tests,
-    elastica,
-    fabric_file,
-    identify,
-    listing,
-    report,
-    synthetic,
-    synthetic_bending,
-    units,
-)
-from fabric_fenicsx.identify.elastica import Beam
+from fabric_fenicsx.identify import fabric_file, identify, listing
+from fabric_fenicsx.identify.bending import elastica
+from fabric_fenicsx.identify.bending import fit as bending_fit
+from fabric_fenicsx.identify.bending import tests as bending_tests
+from fabric_fenicsx.identify.bending.elastica import Beam
+from fabric_fenicsx.identify.files import units
+from fabric_fenicsx.identify.report import page as report
+from fabric_fenicsx.identify.synthetic import synthetic, synthetic_bending
 
 CURVES = BendingCurves(
     BendingCurve(12e-6, -10e-9, 0.5e-3),

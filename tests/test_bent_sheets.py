@@ -12,8 +12,8 @@ from fabric_fenicsx import fabrics, scenes, sheet
 from fabric_fenicsx.errors import InputError
 from fabric_fenicsx.fabrics import BendingCurve, BendingCurves
 from fabric_fenicsx.fabrics.bending import bias_of_twist
-from fabric_fenicsx.identify import elastica, hanging
-from fabric_fenicsx.identify.elastica import Beam
+from fabric_fenicsx.identify.bending import elastica, hanging
+from fabric_fenicsx.identify.bending.elastica import Beam
 from fabric_fenicsx.laws.bending import Bending
 from fabric_fenicsx.laws.own_bending import OwnBending
 from fabric_fenicsx.laws.section import Section

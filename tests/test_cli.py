@@ -22,7 +22,7 @@ from test_setup import PROJECT, ROOT
 from fabric_fenicsx import fabrics, identify, scenes, system
 from fabric_fenicsx.app import cli, doctor
 from fabric_fenicsx.errors import InputError
-from fabric_fenicsx.identify import synthetic
+from fabric_fenicsx.identify.synthetic import synthetic
 from fabric_fenicsx.output.fields import Fields
 from fabric_fenicsx.solvers import checkpoint
 

@@ -10,7 +10,7 @@ from click.testing import CliRunner
 from fabric_fenicsx import fabrics
 from fabric_fenicsx.app.cli import app
 from fabric_fenicsx.errors import InputError
-from fabric_fenicsx.identify import records, units
+from fabric_fenicsx.identify.files import records, units
 
 STRIP = records.Strip(gauge_length=0.1, width=0.05, thickness=0.4e-3)
 D = np.linspace(0, 10e-3, 40)

@@ -12,23 +12,13 @@ from hypothesis import strategies as st
 
 from fabric_fenicsx import fabrics
 from fabric_fenicsx.errors import InputError
-from fabric_fenicsx.identify import (
-    branches,
-    curves,
-    fabric_file,
-    identification,
-    inverse,
-    listing,
-    markers,
-    net,
-    origin,
-    pages,
-    records,
-    report,
-    synthetic,
-    units,
-)
-from fabric_fenicsx.identify.curves import Estimate, Readings
+from fabric_fenicsx.identify import fabric_file, identification, listing
+from fabric_fenicsx.identify.files import records, units
+from fabric_fenicsx.identify.report import page as report
+from fabric_fenicsx.identify.report import pages
+from fabric_fenicsx.identify.synthetic import synthetic
+from fabric_fenicsx.identify.tensile import branches, curves, inverse, markers, net, origin
+from fabric_fenicsx.identify.tensile.curves import Estimate, Readings
 
 MESHES = Path(__file__).parent.parent / "meshes"
 STRIP = records.Strip(gauge_length=0.0762, width=0.0254, thickness=0.38e-3)

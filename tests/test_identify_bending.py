@@ -12,10 +12,12 @@ from fabric_fenicsx import fabrics
 from fabric_fenicsx.errors import InputError
 from fabric_fenicsx.fabrics import BendingCurve, BendingCurves
 from fabric_fenicsx.fabrics.bending import bias_of_twist
-from fabric_fenicsx.identify import bending, bending_fit, elastica, hanging, loops
-from fabric_fenicsx.identify.bending import Found
-from fabric_fenicsx.identify.bending_tests import StripTests
-from fabric_fenicsx.identify.elastica import Beam
+from fabric_fenicsx.identify.bending import elastica, hanging, loops
+from fabric_fenicsx.identify.bending import fit as bending_fit
+from fabric_fenicsx.identify.bending import found as bending
+from fabric_fenicsx.identify.bending.elastica import Beam
+from fabric_fenicsx.identify.bending.found import Found
+from fabric_fenicsx.identify.bending.tests import StripTests
 from fabric_fenicsx.laws import driver
 from fabric_fenicsx.laws.bending import Bending
 

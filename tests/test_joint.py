@@ -10,20 +10,12 @@ import pytest
 
 from fabric_fenicsx import fabrics
 from fabric_fenicsx.errors import InputError
-from fabric_fenicsx.identify import (
-    blocks,
-    comparison,
-    curves,
-    cycles,
-    fabric_file,
-    identification,
-    joint,
-    listing,
-    point,
-    records,
-    strips,
-)
-from fabric_fenicsx.identify import synthetic_strips as made
+from fabric_fenicsx.identify import blocks, fabric_file, identification, joint, listing
+from fabric_fenicsx.identify.files import records
+from fabric_fenicsx.identify.report import comparison
+from fabric_fenicsx.identify.shear import cycles
+from fabric_fenicsx.identify.synthetic import synthetic_strips as made
+from fabric_fenicsx.identify.tensile import curves, point, strips
 from fabric_fenicsx.laws import driver, elements
 from fabric_fenicsx.laws.potential import Potential, least_unloading
 from fabric_fenicsx.laws.woven import Woven

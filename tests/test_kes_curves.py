@@ -7,7 +7,8 @@ import pytest
 from test_lab_sheets import HEAD, KES, made, toml
 
 from fabric_fenicsx.errors import InputError
-from fabric_fenicsx.identify import kes_curves, listing
+from fabric_fenicsx.identify import listing
+from fabric_fenicsx.identify.sheets import kes_curves
 
 
 def table(path, head, *columns):

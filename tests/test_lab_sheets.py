@@ -12,9 +12,12 @@ from test_setup import ROOT
 from fabric_fenicsx import fabrics
 from fabric_fenicsx.app.cli import app
 from fabric_fenicsx.errors import InputError
-from fabric_fenicsx.identify import fabric_file, identify, listing, loops, report, sheets
-from fabric_fenicsx.identify.hanging import ASTM_ANGLE
-from fabric_fenicsx.identify.synthetic_bending import overhangs
+from fabric_fenicsx.identify import fabric_file, identify, listing
+from fabric_fenicsx.identify.bending import loops
+from fabric_fenicsx.identify.bending.hanging import ASTM_ANGLE
+from fabric_fenicsx.identify.report import page as report
+from fabric_fenicsx.identify.sheets import kes_and_fast as sheets
+from fabric_fenicsx.identify.synthetic.synthetic_bending import overhangs
 from fabric_fenicsx.laws import driver
 from fabric_fenicsx.laws.woven import Woven
 

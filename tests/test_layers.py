@@ -175,7 +175,7 @@ def test_only_simulated_strips_of_identify_need_a_scene(path):
         assert rooms <= {"errors", "files", "plots", "fabrics", "laws", "identify"}
         if path.name != "making.py":  # where it is asked for
             assert not any(
-                name.startswith(f"fabric_fenicsx.identify.{room}") for name in imports(path) for room in scenes
+                name.startswith(f"fabric_fenicsx.identify.tensile.{room}") for name in imports(path) for room in scenes
             )
 
 
@@ -220,6 +220,6 @@ def test_the_package_is_light_to_import():
 
 
 def test_drawing_is_loaded_by_those_who_draw():
-    rooms = ("output.results", "laws.driver", "fabrics", "solvers.statics", "identify.report")
+    rooms = ("output.results", "laws.driver", "fabrics", "solvers.statics", "identify.report.page")
     modules = ", ".join(f"fabric_fenicsx.{room}" for room in rooms)
     assert not loaded(modules) & {"gmsh", "pyvista", "vtkmodules", "matplotlib"}

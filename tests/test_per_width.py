@@ -8,7 +8,9 @@ from fabric_fenicsx import fabrics
 from fabric_fenicsx.app.cli import app
 from fabric_fenicsx.errors import InputError
 from fabric_fenicsx.fabrics import per_width
-from fabric_fenicsx.identify import fabric_file, identification, listing, report, synthetic
+from fabric_fenicsx.identify import fabric_file, identification, listing
+from fabric_fenicsx.identify.report import page as report
+from fabric_fenicsx.identify.synthetic import synthetic
 
 BLEND = fabrics.load("blend")
 

@@ -16,7 +16,9 @@ from test_setup import ROOT
 from fabric_fenicsx import fabrics
 from fabric_fenicsx.app.cli import app
 from fabric_fenicsx.errors import InputError
-from fabric_fenicsx.identify import curves, markers, records, synthetic
+from fabric_fenicsx.identify.files import records
+from fabric_fenicsx.identify.synthetic import synthetic
+from fabric_fenicsx.identify.tensile import curves, markers
 from fabric_fenicsx.output import pictures
 from fabric_fenicsx.photographs import contact_sheet, corrections, making, marker_file, marks, plane, reading, tracking
 from fabric_fenicsx.system import can_draw

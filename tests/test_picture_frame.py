@@ -8,7 +8,9 @@ import pytest
 
 from fabric_fenicsx import fabrics
 from fabric_fenicsx.errors import InputError
-from fabric_fenicsx.identify import fabric_file, identify, listing, picture_frame, synthetic
+from fabric_fenicsx.identify import fabric_file, identify, listing
+from fabric_fenicsx.identify.shear import picture_frame
+from fabric_fenicsx.identify.synthetic import synthetic
 from fabric_fenicsx.laws import driver
 from fabric_fenicsx.laws.woven import Woven
 

@@ -14,7 +14,7 @@ from test_demos import ROOT
 from test_setup import PROJECT
 
 from fabric_fenicsx import fabrics, sheet
-from fabric_fenicsx.identify import synthetic
+from fabric_fenicsx.identify.synthetic import synthetic
 from fabric_fenicsx.laws.potential import Potential
 from fabric_fenicsx.shell import kinematics
 from fabric_fenicsx.solvers import statics

@@ -17,21 +17,10 @@ from hypothesis import strategies as st
 from fabric_fenicsx import fabrics, specimen
 from fabric_fenicsx.app import cli
 from fabric_fenicsx.errors import InputError, StepFailed
-from fabric_fenicsx.identify import (
-    branches,
-    cleaning,
-    decoding,
-    fabric_file,
-    identification,
-    inverse,
-    listing,
-    making,
-    markers,
-    numerals,
-    origin,
-    records,
-    synthetic,
-)
+from fabric_fenicsx.identify import fabric_file, identification, listing, making
+from fabric_fenicsx.identify.files import cleaning, decoding, numerals, records
+from fabric_fenicsx.identify.synthetic import synthetic
+from fabric_fenicsx.identify.tensile import branches, inverse, markers, origin
 from fabric_fenicsx.laws.woven import Woven
 from fabric_fenicsx.solvers import statics
 from fabric_fenicsx.surfaces import meshing

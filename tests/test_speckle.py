@@ -10,7 +10,7 @@ from click.testing import CliRunner
 
 from fabric_fenicsx.app.cli import app
 from fabric_fenicsx.errors import InputError
-from fabric_fenicsx.identify import markers
+from fabric_fenicsx.identify.tensile import markers
 from fabric_fenicsx.photographs import reading, speckle, tracking
 
 PIXELS = (240, 320)  # rows, columns

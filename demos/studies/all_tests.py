@@ -29,16 +29,9 @@ from decrimping import Decrimping
 from fabric_fenicsx import fabrics
 from fabric_fenicsx.app import command
 from fabric_fenicsx.fabrics import BendingCurve, BendingCurves, ShearFriction
-from fabric_fenicsx.identify import (
-    fabric_file,
-    identification,
-    joint,
-    listing,
-    point,
-    simulated,
-    synthetic,
-    synthetic_strips,
-)
+from fabric_fenicsx.identify import fabric_file, identification, joint, listing
+from fabric_fenicsx.identify.synthetic import synthetic, synthetic_strips
+from fabric_fenicsx.identify.tensile import point, simulated
 from fabric_fenicsx.laws import play
 from fabric_fenicsx.laws.potential import Potential
 from fabric_fenicsx.laws.stability import rotate_strain

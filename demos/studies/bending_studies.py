@@ -32,7 +32,9 @@ from fabric_fenicsx.app import command
 from fabric_fenicsx.errors import StepFailed
 from fabric_fenicsx.fabrics import BendingCurve, BendingCurves
 from fabric_fenicsx.fabrics.bending import assumed_twist
-from fabric_fenicsx.identify import bending, making, synthetic
+from fabric_fenicsx.identify import making
+from fabric_fenicsx.identify.bending import found as bending
+from fabric_fenicsx.identify.synthetic import synthetic
 from fabric_fenicsx.laws import named
 from fabric_fenicsx.laws.bending import Bending
 from fabric_fenicsx.laws.own_bending import OwnBending

@@ -24,8 +24,10 @@ import numpy as np
 
 from fabric_fenicsx import fabrics, plots
 from fabric_fenicsx.app import command
-from fabric_fenicsx.identify import curves, cycles, records, simulated
-from fabric_fenicsx.identify.curves import Readings
+from fabric_fenicsx.identify.files import records
+from fabric_fenicsx.identify.shear import cycles
+from fabric_fenicsx.identify.tensile import curves, simulated
+from fabric_fenicsx.identify.tensile.curves import Readings
 from fabric_fenicsx.laws import play
 from fabric_fenicsx.output import results
 from fabric_fenicsx.surfaces import meshing

@@ -16,7 +16,7 @@ from .photographs import markers
 if TYPE_CHECKING:
     from ..fabrics.per_width import PerWidth
     from ..identify.making import Shear
-    from ..identify.strips import Ends
+    from ..identify.tensile.strips import Ends
     from ..output.series import Colour
 
 STRIP = Path(__file__).parent.parent / "meshes" / "strip.geo"

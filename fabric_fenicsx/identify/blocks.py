@@ -8,12 +8,12 @@ import numpy as np
 from ..fabrics import Fabric
 from ..laws import Array, play
 from ..laws.potential import Potential
-from . import point
-from .curves import Readings
-from .cycles import Cycles
 from .identified import Compared
-from .markers import Contraction
-from .strips import BiaxialTest, StripTest
+from .shear.cycles import Cycles
+from .tensile import point
+from .tensile.curves import Readings
+from .tensile.markers import Contraction
+from .tensile.strips import BiaxialTest, StripTest
 
 BINS = 40  # of the readings of a specimen
 SMOOTH = 6  # degree of the curve about which readings scatter

@@ -6,7 +6,7 @@ from pathlib import Path
 from .. import fabrics, files
 from ..errors import InputError
 from ..fabrics.per_width import PerWidth, describe
-from . import bending
+from .bending import found as bending
 from .identified import WAYS, Identified
 
 

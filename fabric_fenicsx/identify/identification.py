@@ -7,9 +7,14 @@ import numpy as np
 
 from ..errors import InputError
 from ..laws import Array
-from . import bending_fit, branches, curves, cycles, listing, markers, origin, picture_frame, records, sheets, strips
-from .curves import Estimate, Readings
+from . import listing
+from .bending import fit as bending_fit
+from .files import records
 from .identified import NOT_TESTED, WAYS, Compared, Curve, Identified
+from .shear import cycles, picture_frame
+from .sheets import kes_and_fast as sheets
+from .tensile import branches, curves, markers, origin, strips
+from .tensile.curves import Estimate, Readings
 
 __all__ = ["NOT_TESTED", "WAYS", "Compared", "Curve", "Identified", "identify"]
 

@@ -8,9 +8,13 @@ from .. import fabrics
 from ..fabrics import ShearFriction
 from ..laws import Array
 from ..laws.potential import least_unloading
-from . import bending_fit, cycles, listing, markers, records
-from .curves import Estimate, Loading, Readings
-from .strips import BiaxialTest, StripTest
+from . import listing
+from .bending import fit as bending_fit
+from .files import records
+from .shear import cycles
+from .tensile import markers
+from .tensile.curves import Estimate, Loading, Readings
+from .tensile.strips import BiaxialTest, StripTest
 
 WAYS = ("warp", "weft", "shear")
 POOR = 0.1  # root mean square of a fit over the peak stress from which on a curve is none of a fabric

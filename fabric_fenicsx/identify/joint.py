@@ -6,7 +6,7 @@ and where shear was tested in cycles its friction, softening and unloading (`cyc
 itself: strips of any angle that pull evenly, and biaxial specimens, at a point (`point`); strips between grips, which
 do not, by that times what a simulated strip pulls over it, which is found anew until it stays. Readings that
 follow each other count by the scatter of their means (`blocks`), which denser records lessen, but for the difference
-between specimens. Bending shares no unknown with all this: the least squares of `bending_fit` are a block of their own.
+between specimens. Bending shares no unknown with all this: the least squares of `bending.fit` are a block of their own.
 
 Confidence is by the bootstrap over specimens. What the tests do not tell stays where it is assumed, and is said.
 """
@@ -25,12 +25,14 @@ from ..fabrics import Fabric
 from ..laws import Array
 from ..laws.potential import Potential
 from ..laws.stability import rotate_strain
-from . import blocks, curves, cycles, point
+from . import blocks
 from .blocks import Block, Trial
-from .curves import Estimate, Readings
+from .files.records import Strip
 from .identified import WAYS, Compared, Curve, Identified
-from .records import Strip
-from .strips import StripTest, slanted
+from .shear import cycles
+from .tensile import curves, point
+from .tensile.curves import Estimate, Readings
+from .tensile.strips import StripTest, slanted
 
 PRIOR = 1.5  # standard deviation of the logarithm of `transverse` where no test tells it
 DRAWS, SEED = 300, 2010  # of the bootstrap

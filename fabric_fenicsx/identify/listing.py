@@ -1,6 +1,6 @@
 """Reads the list of the tests of one fabric, a TOML file: strip, records, and what is assumed for want of a test.
 
-Every key; the files that it names are told in `fabric_fenicsx.identify.records`:
+Every key; the files that it names are told in `fabric_fenicsx.identify.files.records`:
 
     name = "my shirt"
     label = "S1"
@@ -47,7 +47,7 @@ Every key; the files that it names are told in `fabric_fenicsx.identify.records`
     specimen_mm = 110
 
     [[strip]]                       # strips at any angle, each of its own size, and
-    [[biaxial]]                     # specimens drawn along both yarns; see `fabric_fenicsx.identify.strips`
+    [[biaxial]]                     # specimens drawn along both yarns; see `fabric_fenicsx.identify.tensile.strips`
 
 Or the sheet of a laboratory, [kes] or [fast], in the place of gauge_length_mm, width_mm, [records] and [bending]:
 
@@ -69,10 +69,13 @@ from pathlib import Path
 from typing import Any
 
 from ..errors import InputError
-from . import bending_tests, picture_frame, sheets, strips
-from .keys import expect
-from .records import Strip
-from .strips import BiaxialTest, Ends, StripTest
+from .bending import tests as bending_tests
+from .files.keys import expect
+from .files.records import Strip
+from .shear import picture_frame
+from .sheets import kes_and_fast as sheets
+from .tensile import strips
+from .tensile.strips import BiaxialTest, Ends, StripTest
 
 TEXTS = ("name", "label", "material", "weave")
 NUMBERS = ("thickness_mm", "density_kg_per_m3", "gauge_length_mm", "width_mm")

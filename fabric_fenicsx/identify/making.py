@@ -9,10 +9,13 @@ from ..errors import InputError
 from ..fabrics import Fabric
 from ..fabrics.per_width import PerWidth
 from ..laws import Array
-from . import comparison, fabric_file, net, pages, report
+from . import fabric_file
 from .identification import Identified, identify
 from .listing import read
-from .strips import Ends
+from .report import comparison, pages
+from .report import page as report
+from .tensile import net
+from .tensile.strips import Ends
 
 type Shear = Literal["photographs", "inverse", "net"]
 SHEAR: tuple[Shear, ...] = ("photographs", "inverse", "net")
@@ -43,13 +46,14 @@ def make(
         if shear == "net":
             found = net.shear(found)
         else:
-            from . import inverse
+            from .tensile import inverse
 
             say("  looking for the shear curve on a simulated strip ...")
             assert mesh is not None
             found = inverse.shear(found, mesh, ends=ends)
     if found.strips or found.biaxial:
-        from . import joint, simulated
+        from . import joint
+        from .tensile import simulated
 
         say("  one fit of all tests ...")
         found = joint.fit(found, simulated.strips(mesh) if mesh else None)
@@ -77,7 +81,7 @@ def _strip(found: Identified, fabric: Fabric, mesh: Path, ends: Ends) -> pages.S
     """What draws a simulated strip of the fabric."""
 
     def drawn(angle: float, displacement: float) -> Array:
-        from . import simulated
+        from .tensile import simulated
 
         return simulated.picture(mesh, fabric, found.tests.strip, angle, displacement, ends)
 

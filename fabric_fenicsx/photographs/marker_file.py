@@ -18,7 +18,7 @@ import numpy as np
 
 from .. import files
 from ..errors import InputError
-from ..identify import tables
+from ..identify.files import tables
 from ..laws import Array
 
 PHOTOGRAPH = "photo|picture|image|foto|bild|写真"

@@ -1,0 +1,1 @@
+"""Bending from loops, strips that hang, heart loops and numbers of KES."""

@@ -1,0 +1,1 @@
+"""What is told of an identified fabric, in pictures and words."""

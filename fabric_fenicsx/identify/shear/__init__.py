@@ -1,0 +1,1 @@
+"""Shear from picture frames, and its friction from several cycles."""

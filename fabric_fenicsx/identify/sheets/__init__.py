@@ -1,0 +1,1 @@
+"""Sheets of KES-F and FAST, from numbers and from curves."""
