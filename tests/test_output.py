@@ -256,8 +256,11 @@ from fabric_fenicsx.app import command
 from fabric_fenicsx import scenes
 from fabric_fenicsx.output import results
 said, out, size = scenes.read(Path(sys.argv[1])), Path(sys.argv[2]), int(sys.argv[3])
+before = out.with_name("before")
 results.folder(out)
+results.folder(before)
 def main():
+    scenes.run(said, before, False)  # what is compiled is kept in files, too
     resource.setrlimit(resource.RLIMIT_FSIZE, (size, resource.RLIM_INFINITY))
     scenes.run(said, out, False)
 command.run(main)
