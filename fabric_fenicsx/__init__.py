@@ -85,8 +85,8 @@ short, each ends in an exact check, and are meant to be copied and changed.
 - **Contact** (`contact`) is asked for; else a sheet goes through itself and others. Planes, spheres and capsules that
   are large against a sheet's cells are exact; all else needs the extra `contact`. Without it, boxes and cylinders touch
   points of a sheet, and triangles between these dip into their edges. Bodies with mass touch the sheet only, not each
-  other; in statics there are none. Smoothed friction creeps. The pressure at a given gap varies with the mesh of a body
-  of triangles, by a factor of 6.
+  other; in statics there are none. Smoothed friction creeps. The pressure at a given gap varies with the cells of a
+  body of triangles, by a factor of 10 and more where they are finer than the sheet's (`contact.collisions`).
 - **Failure.** Yarns do not break, yield, creep or relax: stress depends on strain and on its past, not on time.
 - **Beyond the tests.** A fabric is known up to the largest strain of its tests. From there its curves go on along their
   tangents, and a warning says so once.
@@ -110,9 +110,8 @@ short, each ends in an exact check, and are meant to be copied and changed.
   none; a motion goes through them.
 - **Transverse shear** of cloth is not measured; the sheet takes the first shear modulus of its plane for it.
 - **Branches.** A mesh that is read has none. Where three panels are sewn together their directors turn as one, without
-  a hinge. A seam is a shared edge, or
-  stitches (`terms.stitches`) that let two panels open, fold without a moment and tear between two steps; with contact
-  of the sheet with itself, the two edges must start apart.
+  a hinge. A seam is a shared edge, or stitches (`terms.stitches`) that let two panels open, fold without a moment and
+  tear between two steps; with contact of the sheet with itself, the two edges must start apart.
 - **Size.** By LU 340 x 340 cells take 7.1 GB; in motion 500 x 500, 1.5 million unknowns, take 8.5 GB by multigrid
   (`solvers.linear.IN_MOTION`), and a step of 5 ms a minute and a half.
 """

@@ -120,12 +120,12 @@ class Sheet(Showing):
         through = {name: material.through() for name, material in of.items()}
         h = self.thickness if isinstance(self.thickness, Expr) else fem.Constant(mesh, self.thickness)
         limits = each({name: material.shear_limit(through[name]) for name, material in of.items()})
+        limit: dict[str, Any] = {"reach": reach, "bending": limits, "curvature": space.curvature()}
         shear = [each({name: material.shear[k] for name, material in of.items()}) for k in (0, 1)]  # type: ignore[index]
-        share = None
-        if space.ties_shear():
-            share, reach = weakform.shear_share(mesh, (shear[0], shear[1]), h, reach, bending=limits), 0.0
-        self.strain, across = assumed_strain.shell_strains(space, self.q, self.warp, share)
-        across_stiffness = weakform.shear_stiffness(mesh, (shear[0], shear[1]), h, reach, bending=limits)
+        most = each({name: max(material.shear or ()) for name, material in of.items()})
+        variation = weakform.shear_variation(mesh, most, h, **limit)
+        self.strain, across = assumed_strain.shell_strains(space, self.q, self.warp, variation)
+        across_stiffness = weakform.shear_stiffness(mesh, (shear[0], shear[1]), h, **limit)
         self.stored += weakform.stored(ufl.dot(across_stiffness, across), across, 1.0, space.dx_shear)
         for name, law in through.items():
             response: Law | Expr = law

@@ -57,12 +57,10 @@ class Shell:
         self.space = space = directors.ShellSpace(domain, element)
         self.q, test = space.function(), ufl.TestFunction(space.V)
         G = law.respond(np.zeros((1, 3)), law.initial_state[None])[1][0, 2, 2]
-        h, moduli, reach = fem.Constant(domain, thickness), (G, ratio * G), weakform.SHEAR_REACH
-        self.share = None
-        if space.ties_shear():
-            self.share, reach = weakform.shear_share(domain, moduli, h), 0.0
-        strain, shear = assumed_strain.shell_strains(space, self.q, warp, self.share)
-        stiffness = weakform.shear_stiffness(domain, moduli, h, reach)
+        h, curvature = fem.Constant(domain, thickness), space.curvature()
+        self.variation = weakform.shear_variation(domain, G, h, curvature=curvature)
+        strain, shear = assumed_strain.shell_strains(space, self.q, warp, self.variation)
+        stiffness = weakform.shear_stiffness(domain, (G, ratio * G), h, curvature=curvature)
         parts = [(strain, Section(law, thickness, 3), space.dx), (shear, stiffness, space.dx_shear)]
         self.work = InternalWork(space, self.q, parts)
         self.fabric = self.work.points[0]

@@ -343,7 +343,9 @@ def test_the_flat_strip_is_the_same_at_all_levels_of_kinematics(angle, monkeypat
 
     forces = []
     for level in ("plane", "membrane", "shell"):
-        case = tensile.Case(fabrics.load("blend"), float(angle), steps=6, kinematics=level, **tensile.THESIS)
+        case = tensile.Case(
+            fabrics.load("blend"), float(angle), steps=6, kinematics=level, search="newton", **tensile.THESIS
+        )  # downhill, one that is slack leaves its plane where it can
         scene = tensile.strip(case)
         scene[1].rtol = 1e-10
         forces.append(tensile.run(case, scene=scene)[0].column("force_N"))

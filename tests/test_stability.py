@@ -11,7 +11,7 @@ from fabric_fenicsx.laws.printed import Printed
 from fabric_fenicsx.laws.woven import Woven
 
 SUBJECTS = ("thickness", "yarns", "poisson", "slack", "far", "reversals", "rotation", "cells", "loads", "time_steps",
-            "explicit_steps", "inputs")  # fmt: skip
+            "explicit_steps", "inputs", "bending")  # fmt: skip
 
 
 @pytest.fixture

@@ -153,7 +153,7 @@ def pinched_semicylinder(settings, comm=MPI.COMM_WORLD):
     loads, (W,) = at(data["P_over_Pmax"][half], (data["minusW_isotropic"][half],), settings.steps)
     return Case(
         "pinched_semicylinder", "Semi-cylinder, pinched at its free end", shell, loads,
-        {"minus_W_A": ("A", "z", -1.0)}, {"minus_W_A": W}, {"minus_W_A": W}, np.where(loads < 0.06, 0.055, 0.02),
+        {"minus_W_A": ("A", "z", -1.0)}, {"minus_W_A": W}, {"minus_W_A": W}, 0.035,
     )  # fmt: skip
 
 

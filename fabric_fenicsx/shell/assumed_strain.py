@@ -46,13 +46,13 @@ _PAIRS = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
 
 
 def shell_strains(
-    space: ShellSpace, q: fem.Function, warp: Sequence[float] | Expr, share: Expr | None = None
+    space: ShellSpace, q: fem.Function, warp: Sequence[float] | Expr, variation: Expr | float = 1.0
 ) -> tuple[Expr, Expr]:
     """The strains of (u, d) = q as the element of `space` assumes them, in warp/weft axes.
 
     First strain and curvature (E11, E22, 2 E12, K11, K22, 2 K12), the operand of a `laws.section`, to be
     integrated with `space.dx`; then the transverse shear (2 E13, 2 E23), with `space.dx_shear`.
-    warp: see `yarns.surface_axes`. share: of "regge", factors (2,) of the shear that its edges do not tie.
+    warp: see `yarns.surface_axes`. variation: of "regge", a factor of the shear's part that varies in a cell.
     """
     u, d = ufl.split(q)
     w, axes = placing.from_rest(u), yarns.surface_axes(space.mesh, warp, DEGREE)
@@ -65,9 +65,9 @@ def shell_strains(
     if space.shear_degree != DEGREE:
         axes = yarns.surface_axes(space.mesh, warp, space.shear_degree)
     shear = kinematics.shear_strain(u, d, space.normal, axes)
-    if space.element == "regge" and share is not None:
-        tied = _tied_shear(space, w, d, axes)
-        shear = ufl.as_vector([tied[i] + share[i] * (shear[i] - tied[i]) for i in (0, 1)])
+    if space.element == "regge" and variation != 1.0:
+        middle = _middle_shear(space, w, d, axes)
+        shear = middle + variation * (shear - middle)
     return strain, shear
 
 
@@ -119,32 +119,21 @@ def _second(domain: mesh.Mesh, u: Expr) -> tuple[list[Expr], list[Expr]]:
     return [X + m + ufl.dot(gradient, X) for X, m in zip(start, moved, strict=True)], start
 
 
-def _tied_shear(space: ShellSpace, u: Expr, d: Expr, axes: tuple[fem.Function, fem.Function]) -> Expr:
-    """Transverse shear (2 E13, 2 E23) in the axes, interpolated from the components along the edges, in their middles.
-
-    There x_,t is the chord, whatever the middle node does: directors can follow, and the element does not lock, however
-    stiff this part is.
-    """
+def _middle_shear(space: ShellSpace, u: Expr, d: Expr, axes: tuple[fem.Function, fem.Function]) -> Expr:
+    """Transverse shear (2 E13, 2 E23) in the axes, of the covariant components in the middle of each triangle."""
     domain, J = space.mesh, ufl.Jacobian(space.mesh)
     along, points = _components(domain, axes)
-    r, s = _on_points(domain, np.tile(points, (len(along), 1)), (2,))
+    away = _on_points(domain, np.tile(points - 1 / 3, (len(along), 1)), (2,))
     moved, start = _second(domain, u)
 
-    def tied(x: list[Expr], second: list[Expr], d: Expr) -> Expr:
+    def in_the_middle(x: list[Expr], second: list[Expr], d: Expr) -> Expr:
         (x11, x22, x12), gradient = second, ufl.grad(d)
-        d1, d2 = (ufl.dot(gradient, J[:, i]) for i in (0, 1))
+        middle = d - sum(away[i] * ufl.dot(gradient, J[:, i]) for i in (0, 1))
+        x1, x2 = x[0] - away[0] * x11 - away[1] * x12, x[1] - away[0] * x12 - away[1] * x22
+        return ufl.as_vector([ufl.dot(x1, middle), ufl.dot(x2, middle)])
 
-        def edge(at_r: float, at_s: float, t1: float, t2: float) -> Expr:
-            to_r, to_s = at_r - r, at_s - s
-            x1, x2 = x[0] + to_r * x11 + to_s * x12, x[1] + to_r * x12 + to_s * x22
-            return ufl.dot(t1 * x1 + t2 * x2, d + to_r * d1 + to_s * d2)
-
-        first, second_, third = edge(0.5, 0.0, 1.0, 0.0), edge(0.0, 0.5, 0.0, 1.0), edge(0.5, 0.5, -1.0, 1.0)
-        turn = first - second_ + third
-        return ufl.as_vector([first - s * turn, second_ + r * turn])
-
-    now = tied([J[:, i] + ufl.dot(ufl.grad(u), J[:, i]) for i in (0, 1)], moved, d)
-    rest = tied([J[:, i] for i in (0, 1)], start, space.normal)
+    now = in_the_middle([J[:, i] + ufl.dot(ufl.grad(u), J[:, i]) for i in (0, 1)], moved, d)
+    rest = in_the_middle([J[:, i] for i in (0, 1)], start, space.normal)
     return ufl.dot(_on_points(domain, along, (2, 2)), now - rest)
 
 

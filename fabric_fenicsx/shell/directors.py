@@ -19,6 +19,7 @@ import ufl
 from mpi4py import MPI
 from dolfinx import fem, mesh
 from petsc4py import PETSc
+from ufl.core.expr import Expr
 
 from ..errors import InputError
 from ..laws import Array
@@ -137,13 +138,14 @@ class ShellSpace:
         self._map = self._transformation()
         return self.bodies[-1]
 
-    def ties_shear(self) -> bool:
-        """Whether transverse shear is tied to the edges, as on curved triangles; the same on every rank."""
+    def curvature(self) -> Expr | None:
+        """Size of the curvature at rest, 1/m, where the element's transverse shear asks for it: on curved triangles."""
         gradient = ufl.grad(self.normal)
         # a garment is of flat panels, also where directors lean
         bent = self.element == "regge" and self.normal.function_space is self.start.function_space
         size = fem.assemble_scalar(fem.form(ufl.inner(gradient, gradient) * self.dx)) if bent else 0.0
-        return bool(self.mesh.comm.allreduce(float(size)) >= 1e-16)
+        flat = self.mesh.comm.allreduce(float(size)) < 1e-16
+        return None if flat else ufl.sqrt(ufl.inner(gradient, gradient))
 
     def _transformation(self) -> PETSc.Mat:
         """The matrix d(u, d)/d(u, theta), V rows by W columns; `turn` fills in the directors' part."""

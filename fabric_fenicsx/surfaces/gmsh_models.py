@@ -45,6 +45,9 @@ def opened(path: Path, numbers: dict[str, float], trust: bool) -> None:
             f"{name!r} is neither a .geo nor a .msh file of gmsh, nor one of those that are read otherwise."
         )
     geo_programs.check(path, trust)
+    for key, value in numbers.items():
+        if not np.isfinite(value):  # in coordinates it ends gmsh without a word
+            raise InputError(f"{name!r} cannot be meshed with {key} = {value}: give a finite number.")
     known: list[str] = []
     cells = None
     try:
