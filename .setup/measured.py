@@ -13,6 +13,7 @@ import subprocess
 import sys
 import time
 import tomllib
+from functools import partial
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -35,9 +36,10 @@ def run(command, out):
 def write(name):
     """Run a page's commands and write it; the largest status."""
     page, worst = PAGES[name], 0
-    commit = subprocess.run(
-        ["git", "describe", "--always", "--dirty"], cwd=ROOT, capture_output=True, text=True, check=False
-    ).stdout.strip()
+    git = partial(subprocess.run, cwd=ROOT, capture_output=True, text=True, check=False)
+    commit = git(["git", "describe", "--always"]).stdout.strip()
+    if git(["git", "diff", "--quiet", "HEAD", "--", ".", ":!.readme/*.md"]).returncode:  # the pages are no code
+        commit += "-dirty"
     text = f"# {page['title']}\n\n{page['text'].strip()}\n\n"
     text += f"Written by `python .setup/measured.py {name}` at {commit} on {os.cpu_count()} cores; {QUIET}.\n"
     for number, command in enumerate(page["commands"]):
