@@ -29,7 +29,7 @@ def run(command, out):
     words = [sys.executable, script, *words]
     words += ["--out", str(out)] if '"--out"' in (ROOT / script).read_text() else []
     answer = subprocess.run(words, cwd=ROOT, stdout=subprocess.PIPE, text=True, check=False)
-    said = answer.stdout.replace(f"{out}", "its folder").strip("\n")
+    said = answer.stdout.replace(f"{out}", "its folder").replace(f"{ROOT}/", "").strip("\n")
     return said, answer.returncode, time.perf_counter() - clock
 
 
