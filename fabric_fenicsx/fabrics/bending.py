@@ -63,6 +63,12 @@ class BendingCurve:
         return text + (f", 2HB {1e3 * self.hysteresis:.4g} mN" if self.hysteresis else "")
 
 
+def moment(K: np.ndarray, B: np.ndarray | float, softening: np.ndarray | float, limit: float) -> np.ndarray:
+    """Moments (N) at curvatures K (1/m, not negative) without friction; B, softening, limit: see `BendingCurve`."""
+    k = np.minimum(K, limit)
+    return np.asarray(B * K + softening * (k**2 + 2 * k * (K - k)))
+
+
 @dataclass(frozen=True)
 class BendingCurves:
     """Bending of a fabric: warp and weft (of the face, K > 0), twist over 2 K12, and how they go together.

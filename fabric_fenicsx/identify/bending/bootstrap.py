@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...fabrics import BendingCurve
+from ...fabrics.bending import moment
 from ...laws import Array
 
 DRAWS, SEED = 300, 2010
@@ -56,9 +57,6 @@ def bootstrap(kinds: list[Kind], shape: str, softening: Array, hysteresis: Array
 def of_curve(draws: Array, curve: BendingCurve) -> float:
     """Largest standard deviation of the moment up to `REACH`, there and back, over that at the end."""
     K = np.linspace(0, REACH, 26)[1:, None]
-    limit = curve.limit
-    k = np.minimum(K, limit)
     B, softening, width = draws.T
-    M = B * K + softening * (k**2 + 2 * k * (K - k)) + width / 2
-    top = float(curve.B * REACH)
-    return float(M.std(axis=1).max() / abs(M[-1].mean() or top))
+    M = moment(K, B, softening, curve.limit) + width / 2
+    return float(M.std(axis=1).max() / abs(M[-1].mean()))

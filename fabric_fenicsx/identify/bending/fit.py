@@ -12,7 +12,7 @@ import numpy as np
 
 from ...errors import InputError
 from ...fabrics import BendingCurve, BendingCurves
-from ...fabrics.bending import FRICTION_PER_M, least_hysteresis
+from ...fabrics.bending import FRICTION_PER_M, least_hysteresis, moment
 from ...laws import Array
 from ..tensile.curves import Estimate
 from . import bootstrap, hanging, loops
@@ -168,14 +168,8 @@ def _friction(warp: Found, weft: Found, bias: Found, wide: bool) -> float:
 
 def _slope(ratio: float) -> float:
     """Mean slope of a curve of B = 1 and B2 = ratio (m) where KES reads it."""
-    low, high = KES_SLOPE
-    curve = BendingCurve(1.0, ratio)
-
-    def moment(K: float) -> float:
-        k = min(K, curve.limit)
-        return k + ratio * k**2 + (1 + 2 * ratio * k) * (K - k)
-
-    return (moment(high) - moment(low)) / (high - low)
+    ends = np.array(KES_SLOPE)
+    return float(np.diff(moment(ends, 1.0, ratio, BendingCurve(1.0, ratio).limit))[0] / np.diff(ends)[0])
 
 
 def _mean(whole: list[Found]) -> Found:
