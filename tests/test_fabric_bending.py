@@ -9,7 +9,7 @@ from test_fabrics import OWN, write
 from fabric_fenicsx import fabrics
 from fabric_fenicsx.errors import InputError
 from fabric_fenicsx.fabrics import BendingCurve, estimated_bending
-from fabric_fenicsx.fabrics.bending import bias_of_twist, published, quantile
+from fabric_fenicsx.fabrics.bending import bias_of_twist, published, quantile, twist_of_bias
 from fabric_fenicsx.laws.bending import Bending
 
 BENDING = """
@@ -136,6 +136,14 @@ def test_other_faults(tmp_path):
         load(tmp_path, straight + 'bias = { B_uNm = 20 }\nbias_strip = "narrow"')
     with pytest.raises(InputError, match=r"bending\.bias is missing, and warp and weft are too far apart"):
         load(tmp_path, "[bending]\nwarp = { B_uNm = 200 }\nweft = { B_uNm = 2 }\n")
+
+
+def test_a_coupling_as_large_as_warp_and_weft_is_refused_by_its_name(tmp_path):
+    text = "[bending]\nwarp = { B_uNm = 1 }\nweft = { B_uNm = 1 }\ncoupling_uNm = 1\n"
+    with pytest.raises(InputError, match=r"coupling_uNm = 1 is not below 1, the geometric mean"):
+        load(tmp_path, text + 'bias = { B_uNm = 1 }\nbias_strip = "narrow"')
+    with pytest.raises(InputError, match="is too large for its warp and weft"):
+        twist_of_bias(BendingCurve(1e-6), BendingCurve(1e-6), BendingCurve(1e-6), False, 1e-6)
 
 
 @settings(max_examples=200, deadline=None)

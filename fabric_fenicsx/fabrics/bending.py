@@ -181,7 +181,9 @@ def bias_of_twist(
 
 
 def _compliances(warp: BendingCurve, weft: BendingCurve, coupling: float) -> tuple[float, float]:
-    """Curvatures along warp and weft per moment on both."""
+    """Curvatures along warp and weft per moment on both. InputError where they would give work back."""
+    if not abs(coupling) < np.sqrt(warp.B) * np.sqrt(weft.B):
+        raise InputError(f"A coupling B12 of {1e6 * coupling:.4g} uN m is too large for its warp and weft.")
     c = np.linalg.solve([[warp.B, coupling], [coupling, weft.B]], [1.0, 1.0])
     return float(c[0]), float(c[1])
 

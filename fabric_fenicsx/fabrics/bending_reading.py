@@ -36,20 +36,19 @@ def read_bending(table: Table) -> BendingCurves:
     table.expect("warp weft", "bias twist bias_strip back coupling_uNm friction_per_m")
     warp, weft = _curve(table.table("warp")), _curve(table.table("weft"))
     coupling = 1e-6 * table.real("coupling_uNm", 0.0)
-    twist, assumed = _twist(table, warp, weft, coupling)
     back = _back(table.table("back"), warp, weft) if "back" in table.entries else None
+    bound = BendingCurves(warp, weft, warp, back).largest_coupling  # whatever the twist is
+    if not abs(coupling) < bound:
+        reason = f"is not below {1e6 * bound:.4g}, the geometric mean of the least stiffness of warp and weft"
+        table.refuse("coupling_uNm", f"{reason}, so that some curvature would give work back", "give a smaller one")
+    twist, assumed = _twist(table, warp, weft, coupling)
     spread = table.positive("friction_per_m", FRICTION_PER_M)
     rubs = any(curve.hysteresis for curve in (warp, weft, twist))
     if "friction_per_m" in table.entries and not rubs:
         table.refuse("friction_per_m", "has no hysteresis to build up", "give hysteresis_mN, or leave it out")
     if rubs and "friction_per_m" not in table.entries:
         assumed["friction"] = f"builds up over {FRICTION_PER_M:g} 1/m, since friction_per_m is left out"
-    try:
-        return BendingCurves(warp, weft, twist, back, coupling, spread, assumed)
-    except InputError:
-        bound = 1e6 * BendingCurves(warp, weft, twist, back).largest_coupling
-        reason = f"is not below {bound:.4g}, the geometric mean of the least stiffness of warp and weft"
-        table.refuse("coupling_uNm", f"{reason}, so that some curvature would give work back", "give a smaller one")
+    return BendingCurves(warp, weft, twist, back, coupling, spread, assumed)
 
 
 def _curve(table: Table, friction: str = "hysteresis_mN") -> BendingCurve:
