@@ -18,6 +18,7 @@ from fabric_fenicsx.solvers import descent, linear
 from fabric_fenicsx.surfaces import meshing
 from fabric_fenicsx.terms import supports, weakform
 from fabric_fenicsx.terms.form import FormTerm
+from fabric_fenicsx.terms.term import Term
 
 STUDY = runpy.run_path(str(Path(__file__).resolve().parent.parent / "demos" / "studies" / "stable_statics.py"))
 COMM = MPI.COMM_WORLD
@@ -156,3 +157,61 @@ def test_a_moment_on_directors_has_no_potential():
     p = fem.Constant(own.domain.mesh, 1.0)
     assert FormTerm(weakform.pressure(p, own.u, own.v, own.dx), own.q).potential() == 0.0
     assert FormTerm(weakform.traction(moment, own.v, ds), own.q).potential() == 0.0
+
+
+class Spring(Term):
+    """Holds the middle of a sheet across, by a law of its own: displacement to energy, force and stiffness."""
+
+    symmetric = True
+
+    def __init__(self, own, law):
+        self.q, self.law = own.q, law
+        space, (back,) = own.q.function_space.sub(0).collapse()
+        node = int(np.linalg.norm(space.tabulate_dof_coordinates() - [0.15, 0.15, 0.0], axis=1).argmin())
+        self.dof = np.array(back[3 * node + 2 : 3 * node + 3], dtype=np.int32)
+
+    def evaluate(self, tangent=True, stiffest=False):
+        self.now = self.law(float(self.q.x.array[self.dof[0]]))
+        return True
+
+    def add_force(self, total):
+        total[self.dof] += self.now[1]
+
+    def pattern(self):
+        return self.dof, self.dof
+
+    def add_stiffness(self, values):
+        values += self.now[2]
+
+    def energy(self):
+        return self.now[0]
+
+    potential = energy
+
+
+def sprung(law):
+    """A soft sheet with a spring at its middle, pulled in its own plane: displacement of the middle, and the solver."""
+    own = cloth(StVenantKirchhoff.isotropic(1e6, 0.3), n=4)
+    spring = Spring(own, law)
+    bcs = [bc for edge in STUDY["RIM"] for bc in supports.clamp(own.domain, own.space, edge)]
+    solver = own.equilibrium(bcs, [1e-3 * own.v[1] * own.dx, spring])
+    solver.solve()
+    return own.q.x.array[spring.dof[0]], solver
+
+
+def test_a_balance_at_a_kink_is_taken_though_its_pivot_is_negative():
+    """Two parts that soften, one on each side of the kink, where the stiffness counts both; energy rises both ways."""
+    z, solver = sprung(lambda x: (x**2 / 2, x, -0.6 if abs(x) < 1e-12 else 1.0))
+    assert solver.descends and solver.negative == 1 and abs(z) < 1e-12
+
+
+@pytest.mark.parametrize("side", [1, -1])
+def test_a_sheet_falls_to_the_side_where_energy_does(side):
+    """Which is one alone, on the other side the spring holds; one of both cases is not that of the mode's sign."""
+
+    def law(x):
+        k = -0.5 if side * x >= 0.0 else 1.0
+        return k * x**2 / 2 + 1e5 * x**4 / 4, k * x + 1e5 * x**3, k + 3e5 * x**2
+
+    z, solver = sprung(law)
+    assert solver.negative == 0 and side * z > 1e-3

@@ -285,16 +285,20 @@ class StableSolver(StaticSolver):
         return v
 
     def _escape(self, x: PETSc.Vec, E: float, way: PETSc.Vec) -> tuple[PETSc.Vec, float]:
-        """Along a mode and twice as far while energy falls; the last residual and energy."""
-        origin, best, most = x.copy(), 0.0, 1023.0 * self.longest_step(1023.0 * way)
-        part = first = min(1.0, most)
-        while part <= most:
-            origin.copy(x)
-            x.axpy(part, way)
-            energy = self._at(x)[1]
-            if not energy < E:
+        """Along a mode, to the side where energy falls, twice as far while it does; the last residual and energy."""
+        origin, best = x.copy(), 0.0
+        for ahead in (way, -way):
+            most = 1023.0 * self.longest_step(1023.0 * ahead)
+            part = first = min(1.0, most)
+            while part <= most:
+                origin.copy(x)
+                x.axpy(part, ahead)
+                energy = self._at(x)[1]
+                if not energy < E:
+                    break
+                best, E, part = part, energy, 2.0 * part
+            if best:
                 break
-            best, E, part = part, energy, 2.0 * part
         origin.copy(x)
-        x.axpy(best or first, way)
+        x.axpy(best or first, ahead)
         return self._at(x)
