@@ -4,11 +4,12 @@
     python .setup/measured.py shell lean     # run those of two pages; --all: of every page, an hour and more
 
 The commands stand in .readme/measured.toml. A page says what it was run with; a command that ends with a status other
-than 0 is kept with its status, and so does this script.
+than 0 is kept with its status, and so does this script. README's table has the columns that a page names so.
 """
 
 import argparse
 import os
+import re
 import subprocess
 import sys
 import time
@@ -49,7 +50,19 @@ def write(name):
         ended = f", status {status}" if status else ""
         text += f"\n## `python {command}`\n\n```\n{said}\n```\n\n{seconds:.0f} s{ended}\n"
         (README / f"{name}.md").write_text(text)
+    if "readme" in page:
+        readme = ROOT / "README.md"
+        readme.write_text(re.sub(r"\| program .*?\n\n", table(name) + "\n\n", readme.read_text(), flags=re.S))
     return worst
+
+
+def table(name):
+    """README's table: columns of the first one that a page's commands print."""
+    printed = re.search(r"^ *program .*?(?=^check|^```|^$)", (README / f"{name}.md").read_text(), re.M | re.S)
+    head, *rows = (re.split(r" {2,}", line.strip()) for line in printed[0].splitlines())
+    keep = [head.index(column) for column in PAGES[name]["readme"]]
+    lines = [PAGES[name]["readme"].values(), ["---"] * len(keep), *([row[k] for k in keep] for row in rows)]
+    return "\n".join(f"| {' | '.join(line)} |" for line in lines)
 
 
 def main():

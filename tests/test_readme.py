@@ -1,5 +1,6 @@
 """README tells no fairy tales: links, pictures, commands, verbs and code of it exist and run."""
 
+import importlib.util
 import re
 import shlex
 import subprocess
@@ -67,6 +68,13 @@ def test_measured_pages_are_those_of_their_commands():
         text = (ROOT / ".readme" / f"{name}.md").read_text()
         assert re.findall(r"^## `python (.+)`$", text, re.M) == PAGES[name]["commands"], name
         assert not any("status" in ended for ended in re.findall(r"^\d+ s(.*)$", text, re.M)), name
+
+
+def test_the_table_is_that_of_its_page():
+    spec = importlib.util.spec_from_file_location("measured", ROOT / ".setup" / "measured.py")
+    measured = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(measured)
+    assert measured.table("peers") in README and "| CalculiX" in README
 
 
 @pytest.mark.slow
