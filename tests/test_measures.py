@@ -5,6 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from mpi4py import MPI
+from dolfinx import fem
 from scipy.spatial.transform import Rotation
 
 from fabric_fenicsx import fabrics, sheet
@@ -159,6 +160,33 @@ def test_work_of_all_bodies_is_what_the_ledger_takes_in_and_what_a_sheet_at_rest
         taken.append(ledger.totals["external"])
         assert step.step_cuts == 0
     assert np.diff(taken) == pytest.approx(work[1:], rel=1e-9) and min(work) > 0.0
+
+
+def test_what_a_snap_gives_up_is_told_apart_from_the_error_of_steps():
+    """A sheet that is bowed up between two hinges is pushed through by a ball, elastic and without friction."""
+    cloth, ball = square(), bodies.Sphere(0.05, (0.15, 0.15, 0.08), cells=8)
+    touch = Contact(cloth, [ball], reach=3e-3, itself=False)
+    closing = fem.Constant(cloth.domain.mesh, 0.0)
+    held = supports.hinge(cloth.domain, cloth.space, "bottom")
+    held += supports.lead(cloth.domain, cloth.space, "top", 1, closing)
+    held += [bc for k in (0, 2) for bc in supports.lead(cloth.domain, cloth.space, "top", k, 0.0)]
+    solver = cloth.equilibrium(held, touch.terms)
+    solver.u.x.array[supports.unknowns(cloth.domain, cloth.space, "sheet", 2)] += 1e-4
+    effort, rows = measures.Effort(touch, solver), []
+
+    def lead(t):
+        closing.value = -3e-3 * min(t, 1.0)
+        ball.move((0.0, 0.0, -0.05 * max(t - 1.0, 0.0)))
+
+    for step in march(solver, lead, [*np.linspace(0, 1, 6)[1:], *np.linspace(1, 2, 51)[1:]]):
+        if step.load >= 1.0:
+            effort.step()
+            rows.append((effort.work, effort.released, effort.snapped, touch.force(ball)[2]))
+    work, released, snapped, pushed = np.array(rows).T
+    last, at = work[-1], int(np.diff(released).argmax())
+    assert np.abs(released[: at + 1]).max() < 0.02 * last  # all is stored up to there
+    assert snapped[-1] > 0.1 * last and snapped[-1] == pytest.approx(released[-1], abs=0.04 * last)
+    assert pushed[at] > 0.0 and abs(pushed[at + 1]) < 0.1 * pushed[at]
 
 
 def on(touch, ball, before):
