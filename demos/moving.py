@@ -95,9 +95,12 @@ def add_common(parser, rho, rtol):
     parser.add_argument("--animation", action="store_true", help="a gif of 50 frames")
 
 
-def runner(args, cloth, areal_mass, bcs, loads, set_load=lambda t: None):
-    """The time integrator that the command line asks for, and its ledger; loads: virtual work, a form or 0."""
-    same = {"damping": args.damping, "rotary": args.rotary, "set_load": set_load}
+def runner(args, cloth, areal_mass, bcs, loads, **led):
+    """The time integrator that the command line asks for, and its ledger; loads: virtual work, a form or 0.
+
+    led: `set_load`, if anything is led.
+    """
+    same = {"damping": args.damping, "rotary": args.rotary, **led}
     if args.method == "implicit":
         same["options"] = SOLVERS[args.solver]
         run, ledger = cloth.newmark(areal_mass, bcs, loads, rho=args.rho, lumped=args.lumped, rtol=args.rtol, **same)

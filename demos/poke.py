@@ -62,7 +62,7 @@ def scene(args, comm=MPI.COMM_WORLD):
     cloth, areal_mass = moving.square(MESH, args, 0.4 * moving.SIDE, comm)
     held, move = supports.grip(cloth.domain, cloth.space, "middle")
     bcs = supports.clamp(cloth.domain, cloth.space, "rim") + held
-    run, ledger = moving.runner(args, cloth, areal_mass, bcs, 0, lambda t: move((0, 0, height(t, args.jerk))))
+    run, ledger = moving.runner(args, cloth, areal_mass, bcs, 0, set_load=lambda t: move((0, 0, height(t, args.jerk))))
     probes = {"centre_z_m": moving.value_at(cloth, 2, "centre")}
     for name, place in ELEMENTS.items():
         values = probe(cloth, place)

@@ -130,9 +130,10 @@ class Sheet(Showing):
         for name, law in through.items():
             response: Law | Expr = law
             if isinstance(law, HasStiffness):
-                response, part = fem.Constant(mesh, law.stiffness), each({name: 1.0})
+                C, part = fem.Constant(mesh, law.stiffness), each({name: 1.0})
                 self.linear.append((self._patches.cells[name], law.stiffness))
-                self.stored += weakform.stored(ufl.dot(response, self.strain), self.strain, part, self.dx)
+                self.stored += weakform.stored(ufl.dot(C, self.strain), self.strain, part, self.dx)
+                response = C if law.symmetric else law
             parts = [(self.strain, response, self.dx), (across, across_stiffness, space.dx_shear)]
             work = InternalWork(space, self.q, parts, cells=self._patches.cells[name])
             self.terms.append(work)

@@ -8,8 +8,9 @@ import pytest
 from mpi4py import MPI
 from dolfinx import fem
 
-from fabric_fenicsx import sheet
+from fabric_fenicsx import fabrics, sheet
 from fabric_fenicsx.errors import InputError, StepFailed
+from fabric_fenicsx.laws.potential import Potential
 from fabric_fenicsx.solvers import checkpoint, energy, explicit, motion
 from fabric_fenicsx.surfaces import meshing
 from fabric_fenicsx.terms import supports
@@ -100,6 +101,68 @@ def test_energy_closes_and_the_implicit_scheme_agrees():
         pass
     moved = [sheet.q.sub(0).collapse().x.array for sheet in (cloth, other)]
     assert np.abs(moved[0] - moved[1]).max() < 1e-3 * np.abs(moved[1]).max()
+
+
+def woven(comm=MPI.COMM_SELF):
+    """A sheet of the measured law hinged on its left edge, which is thrown to the right, and its run."""
+    cloth = motions.cloth(comm, Potential(fabrics.load("blend")))
+    run = run_of(cloth, supports.hinge(cloth.domain, cloth.space, "left"), (0, 0, -9.81))
+    run.motion.velocity.sub(0).interpolate(lambda x: np.array([3.0, 0.0, 0.0])[:, None] * x[0] / motions.SIDE)
+    run.motion.velocity.x.scatter_forward()
+    return cloth, run
+
+
+def test_the_step_shortens_with_what_a_fabric_has_been_through():
+    """And no more: it stays above that of full unloading, and loses what short steps do."""
+    _, run = woven()
+    ledger, steps, stable = energy.Ledger(run), [], [run.stable]
+    run.weigh = 1
+    for step in run.march(0.02, 0.001):
+        steps.append(step.newton_iterations)
+        stable.append(run.stable)
+    full = 2 / np.sqrt(run._limit._ever)
+    assert stable[0] > 5 * full and (np.diff(stable) <= 0.3 * full).all() and full <= stable[-1] < 0.5 * stable[0]
+    assert sum(steps) < 0.02 / full and ledger.worst < 0.01 * ledger.most
+    _, fine = woven()
+    account, fine.weigh = energy.Ledger(fine), 1
+    for step in fine.march(0.02, 0.001, dt=0.2 * full):
+        assert step.newton_iterations == np.ceil(0.001 / (0.2 * full))
+    assert abs(ledger.totals["by_law"] / account.totals["by_law"] - 1) < 5e-3
+
+
+def test_a_part_of_the_stable_step_stays_that_part():
+    counts = []
+    for part in (1.0, 0.5):
+        _, run = woven()
+        run.stable *= part
+        counts.append(sum(step.newton_iterations for step in run.march(0.01, 0.001)))
+    assert 1.7 < counts[1] / counts[0] < 2.3
+
+
+def test_a_saved_fabric_goes_on_in_the_same_steps(tmp_path):
+    ends = []
+    for stop in (False, True):
+        cloth, run = woven()
+        for step in run.march(0.01, 0.001):
+            if stop and step.number == 5:
+                checkpoint.save(tmp_path / "saved.npz", run)
+                cloth, run = woven()
+                checkpoint.load(tmp_path / "saved.npz", run)
+                steps = [step.newton_iterations for step in run.march(0.01, 0.001)]
+                break
+            steps = step.newton_iterations
+        ends.append((cloth.q.x.array.copy(), run.stable, steps if not stop else steps[-1]))
+    assert np.abs(ends[0][0] - ends[1][0]).max() < 1e-12 and ends[0][1:] == ends[1][1:]
+
+
+@pytest.mark.parallel
+def test_a_fabric_takes_the_same_steps_on_any_ranks():
+    found = []
+    for comm in (COMM, MPI.COMM_SELF):
+        cloth, run = woven(comm)
+        steps = [step.newton_iterations for step in run.march(0.01, 0.001)]
+        found.append((motions.nodes(cloth.q)[0], steps))
+    assert np.abs(found[0][0] - found[1][0]).max() < 1e-10 and found[0][1] == found[1][1]
 
 
 @pytest.mark.parametrize("reach", [0.1, 0.0])

@@ -9,7 +9,10 @@ from hypothesis import strategies as st
 
 from fabric_fenicsx import fabrics
 from fabric_fenicsx.errors import InputError
+from fabric_fenicsx.fabrics import ShearFriction
 from fabric_fenicsx.laws import HasPotential, driver, elements, named, potential, stability
+from fabric_fenicsx.laws.bending import Bending
+from fabric_fenicsx.laws.own_bending import OwnBending
 from fabric_fenicsx.laws.potential import Potential
 from fabric_fenicsx.laws.section import Section
 from fabric_fenicsx.laws.svk import StVenantKirchhoff
@@ -197,6 +200,36 @@ def test_tangent_is_positive_definite_and_below_the_stiffest(name, wide):
         C = law.respond(end, state)[1]
         assert (stability.second_order_work(C) > 0).all()
         assert np.linalg.eigvalsh(K - C)[:, 0].min() > -1e-12 * np.abs(K).max()
+
+
+@every_fabric
+@pytest.mark.parametrize("shearing", ["measured", "none", "friction"])
+def test_without_a_tangent_it_says_the_same_and_by_how_much_it_has_hardened(name, shearing):
+    fabric = fabrics.load(name)
+    if shearing == "friction":
+        fabric = replace(fabric, shear_friction=ShearFriction(5.0, set_in=0.0, returned=0.5))
+    law = Potential(fabric, shear_hysteresis=shearing != "none")
+    section = Section(law, fabric.thickness, 3)
+    bent = OwnBending(law, fabric.thickness, Bending.from_fabric(fabric))
+    most, rng = law.stiffest.stiffness, np.random.default_rng(1)
+    for _, state, end, new in histories(law, 2000, steps=6):
+        stress, after = np.empty_like(end), np.empty_like(state)
+        risen = law.advance(end, state, stress, after)
+        S, C, _ = law.respond(end, state)
+        assert np.abs(stress - S).max() <= 1e-13 * np.abs(S).max() and (after == new).all()
+        H, later = (law.hardened.respond(end, s)[1] for s in (state, new))
+        # wherever it goes at once, and as if all else had hardened by as much
+        assert np.linalg.eigvalsh(later - C)[:, 0].min() > -1e-12 * most.max()
+        assert np.linalg.eigvalsh(H + risen * most - later)[:, 0].min() > -1e-12 * most.max()
+        assert np.linalg.eigvalsh(later - H)[:, 0].min() > -1e-12 * most.max() and risen <= 1.0
+        E = np.concatenate([end, rng.normal(size=end.shape)], axis=1)
+        for whole in (section, bent):
+            own = np.tile(whole.initial_state, (len(E), 1))
+            N, _, later = whole.respond(E, own)
+            stress, after = np.empty_like(E), np.empty_like(own)
+            assert whole.advance(E, own, stress, after) > 0.0
+            assert np.abs(stress - N).max() <= 1e-12 * np.abs(N).max()
+            assert np.allclose(after, later, rtol=1e-12, atol=1e-13)
 
 
 @every_fabric

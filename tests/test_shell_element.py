@@ -216,6 +216,14 @@ def test_a_strain_that_is_not_quadratic_has_no_batches():
         InternalWork(shell.space, shell.q, [part])
 
 
+@pytest.mark.parametrize("stiffness", [[[1.0, 0.1], [0.0, 1.0]], [[1.0, 0.0], [0.0, -1.0]]])
+def test_a_linear_stiffness_that_makes_energy_has_no_batches(stiffness):
+    shell = patch("mitc4")
+    across, _, dx = shell.work.parts[1]
+    with pytest.raises(InputError, match="not symmetric, or negative"):
+        InternalWork(shell.space, shell.q, [(across, fem.Constant(shell.space.mesh, np.array(stiffness)), dx)])
+
+
 def one_cell(element):
     """A Shell of one triangle or quadrilateral of no symmetry, about as large as those of `patch`."""
     kind = directors.ELEMENTS[element][0]

@@ -7,7 +7,7 @@ import numpy as np
 import scipy.sparse
 
 from ..errors import InputError
-from ..laws import Array
+from ..laws import Array, Stiffest
 from ..terms.extra import Extra, Rule
 from ..terms.term import NOWHERE, Indices
 from .bodies import Body
@@ -104,7 +104,7 @@ class FreeBodies(Extra):
         """See `Extra.join`."""
         self._rule = rule
 
-    def evaluate(self, tangent: bool = True, stiffest: bool = False) -> bool:
+    def evaluate(self, tangent: bool = True, stiffest: Stiffest = False) -> bool:
         """See `Term.evaluate`."""
         return bool(np.isfinite(self._now).all())
 

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import scipy.sparse
 
-from ..laws import Array
+from ..laws import Array, Stiffest
 from ..terms.term import Indices, Term
 from . import kernels
 from .free_bodies import FreeBodies
@@ -146,7 +146,7 @@ class PairTerm(Term):
             self._found = self._scatter.entries(*self._summands())
         return self._found
 
-    def evaluate(self, tangent: bool = True, stiffest: bool = False) -> bool:
+    def evaluate(self, tangent: bool = True, stiffest: Stiffest = False) -> bool:
         """See `Term.evaluate`."""
         self._found = None
         return self._around.place()

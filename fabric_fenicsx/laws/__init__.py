@@ -15,6 +15,8 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
+type Stiffest = Literal[False, True, "so far"]
+"""Whether, for explicit steps, to answer as stiffly as ever, or as is possible at once after the history so far."""
 type Poisson = Literal["measured", "lowered"]
 """Which of the pairs of Poisson's ratios of a fabric (Table 7.4)."""
 
@@ -66,6 +68,28 @@ class HasStiffest(Protocol):
     @property
     def stiffest(self) -> Law:
         """A linear law that is as stiff as this one within its measured range, whatever its history."""
+        ...
+
+
+@runtime_checkable
+class HasAdvance(Protocol):
+    """A law that can leave its tangent out, as explicit motion does not need it."""
+
+    def advance(self, strain: Array, state: Array, stress: Array, new: Array) -> float:
+        """As `Law.respond`, into `stress` and `new`: by how much, at most, `hardened` has become stiffer by this.
+
+        As a part of `stiffest`; 0 of a law without `hardened`.
+        """
+        ...
+
+
+@runtime_checkable
+class HasHardened(HasAdvance, Protocol):
+    """A law whose largest tangent depends on its history, and only grows."""
+
+    @property
+    def hardened(self) -> Law:
+        """A law, linear in the strain, that is as stiff as this one can be at once after a state, which is its own."""
         ...
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..errors import InputError
-from . import Array, HasCalibration, HasPotential, HasRecoverable, HasStiffest, HasStiffness, Law
+from . import Array, HasAdvance, HasCalibration, HasPotential, HasRecoverable, HasStiffest, HasStiffness, Law
 
 NAMES = ("the stress", "the tangent", "the new state")
 TANGENT = 1e-5  # relative error of a tangent that `check` lets pass
@@ -138,9 +138,11 @@ def _check_batch(law: Law, E: Array, state: Array) -> tuple[Array, ...]:
     _require_close(out, first, E, "{} is not written into out")
     _ask(law, E[::-1], state)
     _require_close(answer, first, E, "{} returned earlier is changed by a later call", 0)
-    alone = [_ask(law, E[k : k + 1], state[k : k + 1]) for k in range(n)]
-    single = [np.concatenate(a) for a in zip(*alone, strict=True)]
-    _require_close(single, first, E, "{} depends on the other points of the batch")
+    alone = zip(*(_ask(law, E[k : k + 1], state[k : k + 1]) for k in range(n)), strict=True)
+    _require_close([np.concatenate(a) for a in alone], first, E, "{} depends on the other points of the batch")
+    if isinstance(law, HasAdvance):
+        law.advance(E, state, out[0], out[2])
+        _require_close(out, first, E, "{} is another one without a tangent")
     return first
 
 

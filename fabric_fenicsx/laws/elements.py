@@ -200,6 +200,81 @@ def respond(strain, state, stress, tangent, new, elements, nu12, nu21, b1, b2, s
         tangent[i, 2, 0], tangent[i, 2, 1], tangent[i, 2, 2] = 0.0, 0.0, G
 
 
+@inlined
+def _top(c, peak_stress, peak_modulus):
+    """Largest modulus below a peak."""
+    return min(sqrt(c[RATE] * peak_stress + 0.5 * (peak_modulus * peak_modulus + c[SLACK] * c[SLACK])), c[UNLOAD])
+
+
+@inlined
+def _pass(c, e, state, new, i, at):
+    """As `_element` with the state from column `at` on: stress, and the rise of `_top` as a part of the largest."""
+    peak, S0, D0 = state[i, at], state[i, at + 1], state[i, at + 2]
+    if e > peak:
+        S, D = loading(c, e)
+        new[i, at], new[i, at + 1], new[i, at + 2] = e, S, D
+        return S, (_top(c, S, D) - _top(c, S0, D0)) / c[UNLOAD] if c[UNLOAD] > 0.0 else 0.0
+    S, _, _ = unloading(c, S0, D0, peak - e)
+    new[i, at], new[i, at + 1], new[i, at + 2] = peak, S0, D0
+    return S, 0.0
+
+
+@jit
+def advance(strain, state, stress, new, powers, moments, elements, nu12, nu21, b1, b2, shearing):
+    """`respond` without a tangent, in the layers of a `section.Section`; see `potential.Potential.advance`."""
+    warp, warp_tension, weft, weft_tension, shear = elements
+    layers, parts = powers.shape
+    risen = 0.0
+    for i in range(strain.shape[0]):
+        for a in range(stress.shape[1]):
+            stress[i, a] = 0.0
+        for layer in range(layers):
+            at = i * layers + layer
+            E1, E2, gamma = strain[i, 0], strain[i, 1], strain[i, 2]
+            for p in range(1, parts):
+                z = powers[layer, p]
+                E1, E2, gamma = (
+                    E1 + z * strain[i, 3 * p], E2 + z * strain[i, 3 * p + 1], gamma + z * strain[i, 3 * p + 2]
+                )  # fmt: skip
+            Sa, ra = _pass(warp, E1 + nu21 * E2, state, new, at, 0)
+            Sb, rb = _pass(warp_tension, E1 - b1 * E2, state, new, at, 3)
+            Sc, rc = _pass(weft, E2 + nu12 * E1, state, new, at, 6)
+            Sd, rd = _pass(weft_tension, E2 - b2 * E1, state, new, at, 9)
+            risen = max(risen, max(max(ra, rb), max(rc, rd)))
+            if shearing == HYSTERETIC:
+                S12, _, new[at, 12], new[at, 13] = _shear(shear, gamma, state[at, 12], state[at, 13])
+            elif shearing == ELASTIC:
+                S12, _ = loading(shear, abs(gamma))
+                S12 = S12 if gamma >= 0.0 else -S12
+            else:
+                S12 = 0.0
+            S1, S2 = Sa + Sb + nu12 * Sc - b2 * Sd, nu21 * Sa - b1 * Sb + Sc + Sd
+            if not np.isfinite(E1 + E2 + gamma):
+                S1 = S2 = S12 = np.nan
+            for p in range(parts):
+                w = moments[p, layer]
+                stress[i, 3 * p] += w * S1
+                stress[i, 3 * p + 1] += w * S2
+                stress[i, 3 * p + 2] += w * S12
+    return risen
+
+
+@jit
+def hardened(strain, state, stress, tangent, elements, nu12, nu21, b1, b2):
+    """The law of `potential.Hardened`; arrays as in `Law.respond`."""
+    warp, warp_tension, weft, weft_tension, shear = elements
+    for i in range(strain.shape[0]):
+        Da, Db = _top(warp, state[i, 1], state[i, 2]), _top(warp_tension, state[i, 4], state[i, 5])
+        Dc, Dd = _top(weft, state[i, 7], state[i, 8]), _top(weft_tension, state[i, 10], state[i, 11])
+        C11, C22 = Da + Db + nu12 * nu12 * Dc + b2 * b2 * Dd, nu21 * nu21 * Da + b1 * b1 * Db + Dc + Dd
+        C12 = nu21 * Da - b1 * Db + nu12 * Dc - b2 * Dd
+        tangent[i, 0, 0], tangent[i, 0, 1], tangent[i, 0, 2] = C11, C12, 0.0
+        tangent[i, 1, 0], tangent[i, 1, 1], tangent[i, 1, 2] = C12, C22, 0.0
+        tangent[i, 2, 0], tangent[i, 2, 1], tangent[i, 2, 2] = 0.0, 0.0, shear[UNLOAD]
+        stress[i, 0], stress[i, 1] = C11 * strain[i, 0] + C12 * strain[i, 1], C12 * strain[i, 0] + C22 * strain[i, 1]
+        stress[i, 2] = shear[UNLOAD] * strain[i, 2]
+
+
 @jit
 def potential(strain, state, energy, elements, nu12, nu21, b1, b2, shearing):
     """Of `potential.Potential.potential`."""

@@ -14,7 +14,7 @@ import numba
 import numpy as np
 
 from ..errors import InputError
-from . import Array, HasCalibration, HasPotential, HasRecoverable, HasStiffest, HasStiffness, Law, empty
+from . import Array, HasCalibration, HasHardened, HasPotential, HasRecoverable, HasStiffest, HasStiffness, Law, empty
 
 type Energy = Callable[[Array, Array], Array]
 
@@ -46,6 +46,18 @@ class OwnBending:
         elif all(isinstance(part, HasStiffness | HasStiffest) for part in (law, bending)):
             stiffest = (part.stiffest if isinstance(part, HasStiffest) else part for part in (law, bending))
             self.stiffest = OwnBending(next(stiffest), thickness, next(stiffest))
+        if isinstance(law, HasHardened) and isinstance(bending, HasStiffness | HasStiffest):
+            self.advance = self._advance
+            linear = bending.stiffest if isinstance(bending, HasStiffest) else bending
+            self.hardened = OwnBending(law.hardened, thickness, linear)
+
+    def _advance(self, strain: Array, state: Array, stress: Array, new: Array) -> float:
+        """See `laws.HasAdvance`."""
+        own, scratch = self._own, np.empty((len(strain), 3, 3))
+        risen = self.law.advance(strain[:, :3], state[:, :own], stress[:, :3], new[:, :own])  # type: ignore[attr-defined]
+        self.bending.respond(strain[:, 3:], state[:, own:], (stress[:, 3:], scratch, new[:, own:]))
+        stress[:, :3] *= self.thickness
+        return float(risen)
 
     def respond(
         self, strain: Array, state: Array, out: tuple[Array, Array, Array] | None = None

@@ -129,6 +129,20 @@ def respond(strain, state, stress, tangent, new, c, first):
 
 
 @jit
+def advance(strain, state, stress, new, powers, moments, c, first):
+    """Shear of `potential.Potential.advance`, to be added to the rest."""
+    layers, parts = powers.shape
+    for i in range(strain.shape[0]):
+        for layer in range(layers):
+            at, gamma = i * layers + layer, strain[i, 2]
+            for p in range(1, parts):
+                gamma += powers[layer, p] * strain[i, 3 * p + 2]
+            S, _, new[at, first], new[at, first + 1] = _point(c, gamma, state[at, first], state[at, first + 1])
+            for p in range(parts):
+                stress[i, 3 * p + 2] += moments[p, layer] * S
+
+
+@jit
 def follow(gamma, c):
     """Stress (n,) of a point that goes from rest through the shears gamma (n,), one after the other."""
     stress, p, m = np.empty(len(gamma)), 0.0, 0.0

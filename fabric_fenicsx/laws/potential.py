@@ -55,6 +55,8 @@ NONE = 1e-9
 """A Poisson's ratio below this counts as none."""
 SHEAR = 12
 """Column of the state from which shear begins."""
+ALONE = np.ones((1, 1))
+"""Of a law that has no layers."""
 LARGEST = 5.0
 """Largest b of a direction (1, -b): from there on more of it changes little."""
 
@@ -168,6 +170,31 @@ class Potential:
             play.respond(strain, state, *out, self._play, SHEAR)
         return out
 
+    def advance(
+        self,
+        strain: Array,
+        state: Array,
+        stress: Array,
+        new: Array,
+        powers: Array = ALONE,
+        moments: Array = ALONE,
+    ) -> float:
+        """See `laws.HasAdvance`, for stress and new state; or all layers of a `section.Section` at once.
+
+        powers (layers, parts), of z at each layer, by which parts of the strain (n, 3 parts) go; moments (parts,
+        layers), what stress is multiplied by to be a part of the resultants; states (n layers, state variables).
+        """
+        own = strain, state, stress, new, powers, moments
+        risen = elements.advance(*own, self._elements, *self._directions, self._shearing)
+        if self._play:
+            play.advance(*own, self._play, SHEAR)
+        return float(risen)
+
+    @property
+    def hardened(self) -> "Hardened":
+        """See `laws.HasHardened`: all elements unload at once, and none has seen more than its peak."""
+        return Hardened(self)
+
     def potential(self, strain: Array, state: Array) -> Array:
         """Incremental potential in J/m3 (n,): its gradient by strain is the stress; see `laws.HasPotential`.
 
@@ -198,6 +225,24 @@ class Potential:
     def beyond_calibration(self, strain: Array) -> str | None:
         """One sentence if a strain (n, 3) lies beyond the measured range, else None."""
         return beyond_calibration(self.fabric, strain)
+
+
+class Hardened:
+    """A law S = C E whose C depends on the state, that of a `Potential`, and stays; see `laws.HasHardened`."""
+
+    symmetric = True
+
+    def __init__(self, law: Potential) -> None:
+        self.initial_state, self._elements, self._directions = law.initial_state, law._elements, law._directions
+
+    def respond(
+        self, strain: Array, state: Array, out: tuple[Array, Array, Array] | None = None
+    ) -> tuple[Array, Array, Array]:
+        """See `laws.Law.respond`."""
+        out = stress, tangent, new = out or empty(strain, state)
+        elements.hardened(strain, state, stress, tangent, self._elements, *self._directions)
+        new[:] = state
+        return out
 
 
 def least_unloading(curve: "Curve") -> float:

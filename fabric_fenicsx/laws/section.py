@@ -12,7 +12,7 @@ import numba
 import numpy as np
 
 from ..errors import InputError
-from . import Array, HasPotential, HasRecoverable, HasStiffest, HasStiffness, Law, empty
+from . import Array, HasHardened, HasPotential, HasRecoverable, HasStiffest, HasStiffness, Law, empty
 
 
 class Section:
@@ -26,9 +26,6 @@ class Section:
 
     thickness in m; layers: number of points, at least 2 for the section to bend. Raises InputError.
     """
-
-    spares_tangent = True
-    """`respond` can leave the tangent out."""
 
     def __init__(self, law: Law, thickness: float, layers: int = 3, quadratic: bool = False) -> None:
         if not (np.isfinite(thickness) and thickness > 0):
@@ -50,17 +47,31 @@ class Section:
             self.stiffness = self.elastic(law.stiffness)
         if isinstance(law, HasStiffest):
             self.stiffest = Section(law.stiffest, thickness, layers, quadratic)
+        if isinstance(law, HasHardened):
+            self.hardened = Section(law.hardened, thickness, layers, quadratic)
         self._scratch: tuple[Array, ...] = (np.empty((0, 3)), np.empty((0, 3)), np.empty((0, 3, 3)))
 
     def respond(
-        self, strain: Array, state: Array, out: tuple[Array, Array, Array] | None = None, tangent: bool = True
+        self, strain: Array, state: Array, out: tuple[Array, Array, Array] | None = None
     ) -> tuple[Array, Array, Array]:
-        """Resultants (n, m), tangent (n, m, m) and new state, m being 6 or 9; see `laws.Law.respond`.
-
-        The tangent of `out` is left as it is where it is not wanted (tangent=False).
-        """
-        n, layers = len(strain), len(self._powers)
+        """Resultants (n, m), tangent (n, m, m) and new state, m being 6 or 9; see `laws.Law.respond`."""
         out = resultants, moduli, new = out or empty(strain, state)
+        stiffness = self._respond(strain, state, resultants, new)
+        _moduli(stiffness.reshape(-1, 9), self._moments, moduli)
+        return out
+
+    def advance(self, strain: Array, state: Array, stress: Array, new: Array) -> float:
+        """See `laws.HasAdvance`, for resultants and new state."""
+        if isinstance(self.law, HasHardened):
+            own, moments = (-1, self.law.initial_state.size), self._moments[: self._powers.shape[1]]
+            layers = self._powers, moments
+            return self.law.advance(strain, state.reshape(own), stress, new.reshape(own), *layers)  # type: ignore[call-arg]
+        self._respond(strain, state, stress, new)
+        return 0.0
+
+    def _respond(self, strain: Array, state: Array, resultants: Array, new: Array) -> Array:
+        """Put resultants and new state in place: the tangents of all layers."""
+        n, layers = len(strain), len(self._powers)
         if len(self._scratch[0]) != n * layers:
             # strain, stress and tangent of the layers: room that is kept, nothing that is remembered
             self._scratch = tuple(np.empty((n * layers, *shape)) for shape in ((3,), (3,), (3, 3)))
@@ -72,9 +83,7 @@ class Section:
         if not np.may_share_memory(changed, new):  # `new` is not in one piece
             new[:] = changed.reshape(new.shape)
         _resultants(stress, self._moments, resultants)
-        if tangent:
-            _moduli(stiffness.reshape(-1, 9), self._moments, moduli)
-        return out
+        return stiffness
 
     def _through(self, energy: Callable[[Array, Array], Array], strain: Array, state: Array) -> Array:
         """An energy of the law, J/m3, summed over the layers: J/m2 (n,)."""

@@ -12,6 +12,10 @@ PARTS = 20
 HELD = "what leads the sheet is held back by it"
 
 
+def unled(t: float) -> None:
+    """Nothing changes with time (s): a `set_load` after which supports stay where they are."""
+
+
 def limited(terms: Sequence[Term]) -> list[Term]:
     """Those that may shorten a step."""
     return [term for term in terms if type(term).longest_step is not Term.longest_step]

@@ -5,16 +5,17 @@ At the ends of parts no other force is found; those push at both ends of the ste
 """
 
 from collections.abc import Sequence
+from functools import cached_property
 
 import numpy as np
 from mpi4py import MPI
 from dolfinx import fem, la
 
-from ..laws import Array
+from ..laws import Array, Stiffest
 from ..shell.bodies import Body
 from ..terms.extra import Extra, extra_force
 from ..terms.term import Term
-from .drifting import drift, weighed
+from .drifting import accelerate, drift, kick, weighed
 from .leading import free_part, limited
 from .stepper import Stepper
 
@@ -30,7 +31,7 @@ class InParts(Stepper):
     """A motion with a lumped `mass` (local array) that drifts between two pushes, and in parts where forces are sudden.
 
     Public: `V`, the space of q; `bodies`, nodes of the sheet that move as one; `pull` and `push`, accelerations by
-    steady and by sudden forces, local arrays. A class derived from this one has `lay` and `_move_supports`, too.
+    steady and by sudden forces, local arrays. A class derived from this one has `_move_supports`.
     """
 
     V: fem.FunctionSpace
@@ -47,23 +48,22 @@ class InParts(Stepper):
         self._steady = [term for term in self.terms if term not in self._sudden]
         self._limited = limited(self.terms)
         self._force, self._blow = (la.vector(self.V.dofmap.index_map, self.V.dofmap.index_map_bs) for _ in range(2))
-        self.pull, self.push = self.motion.acceleration.x.array, np.zeros_like(self.q.x.array)
+        # to ask DOLFINx for its arrays takes a while
+        self._of_q, self._of_v = self.q.x.array, self.motion.velocity.x.array
+        self._none_given = np.zeros(len(self.motion.given))
+        self.pull, self.push = self.motion.acceleration.x.array, np.zeros_like(self._of_q)
         if self._sudden:
             self.pull = np.zeros_like(self.push)
-
-    def lay(self, values: Array, q: Array) -> None:
-        """See `explicit.CentralDifference.lay`."""
-        raise NotImplementedError
 
     def _move_supports(self, dt: float) -> None:
         raise NotImplementedError
 
-    @property
+    @cached_property
     def owned(self) -> int:
         """Number of the unknowns that are this rank's own; they come first."""
         return int(self.V.dofmap.index_map.size_local * self.V.dofmap.index_map_bs)
 
-    def _summed(self, terms: Sequence[Term], force: la.Vector, stiffest: bool = False) -> Array:
+    def _summed(self, terms: Sequence[Term], force: la.Vector, stiffest: Stiffest = False) -> Array:
         total = np.asarray(force.array)
         total[:] = 0.0
         for term in terms:
@@ -78,17 +78,15 @@ class InParts(Stepper):
         """Sudden forces at the present q, as `evaluate`."""
         return self._summed(self._sudden, self._blow) if self._sudden else self._blow.array
 
-    def _accelerate(self, force: Array, a: Array, given: Array | float) -> None:
+    def _accelerate(self, force: Array, a: Array, given: Array) -> None:
         """Take the acceleration by a residual, local array, for a; of what is given, the one that is given."""
-        np.divide(force, self.mass, out=a)
-        a *= -1.0
-        a[self.motion.given] = given
-        self.lay(a, self.q.x.array)
+        accelerate(force, self.mass, self.motion.given, given, self._of_q, self._turning, a)
+        for body in self.bodies:
+            body.project(a, self._of_q, self.mass)
 
     def _part(self, dt: float, shortest: float) -> None:
         """Move by dt (s), in halves where terms limit it; if the shortest is too long still, all slows down."""
-        motion = self.motion
-        q, v = self.q.x.array, motion.velocity.x.array
+        q, v = self._of_q, self._of_v
         if self._limited and not self._resolves(dt):
             if dt > shortest:
                 self._halves(dt, shortest)
@@ -96,10 +94,10 @@ class InParts(Stepper):
             self._slow_down(free_part(self._limited, self._way(dt), self.comm))
         for term in self._sudden:
             term.prepare(dt)
-        before, start = 0.0, (q.copy(), v.copy(), self.push.copy())
         if self._sudden:
+            start = q.copy(), v.copy(), self.push.copy()
             before = self._square(self.push, self.extra)
-            v += 0.5 * dt * self.push
+            kick(v, self.push, 0.5 * dt)
         drift(q, v, self._drifting, self._turning, dt)
         for body in self.bodies:
             body.drift(q, v, self.mass, dt)
@@ -110,7 +108,7 @@ class InParts(Stepper):
         self._led = all([term.follow() for term in self.terms])
         if not self._sudden:
             return
-        self._accelerate(self._strike(), self.push, 0.0)
+        self._accelerate(self._strike(), self.push, self._none_given)
         if not self.extra and dt > shortest and self._too_stiff(dt):
             # also where it ends: a rule that looks one way only makes energy
             q[:], v[:], self.push[:] = start
@@ -120,7 +118,7 @@ class InParts(Stepper):
                 term.restore()
             self._halves(dt, shortest)
             return
-        v += 0.5 * dt * self.push
+        kick(v, self.push, 0.5 * dt)
         if self.extra:
             self.extra.kick(extra_force(self.terms, self.extra.count), dt)
         self._lag += dt**2 / 8 * (self._square(self.push, self.extra) - before)

@@ -9,7 +9,7 @@ from ufl.algorithms import expand_derivatives
 from ufl.form import Form
 
 from ..errors import InputError
-from ..laws import Array
+from ..laws import Array, Stiffest
 from .hook import derive, plain
 from .term import NOWHERE, Indices, Residual, Term
 
@@ -53,8 +53,9 @@ class FormTerm(Term):
                 self.account = "damping"
         # forces that depend on nothing but loads are assembled anew only where those have changed
         self._dead = None if moving.intersection(inputs) else inputs
-        self._known, self._force = np.full(1, np.nan), np.zeros(0)
-        self._since, self._gentle = q.x.array.copy(), rate is None or rate[0] not in inputs
+        self._known: list[Array] | None = None
+        self._force = np.zeros(0)
+        self._of_q, self._since, self._gentle = q.x.array, q.x.array.copy(), rate is None or rate[0] not in inputs
         self.has_kinks = bool(self.hooks)
 
     def _derive(self) -> None:
@@ -77,19 +78,22 @@ class FormTerm(Term):
         """See `Term.symmetric`."""
         return self.jacobian is None or bool(self._symmetric)
 
-    def evaluate(self, tangent: bool = True, stiffest: bool = False) -> bool:
+    def evaluate(self, tangent: bool = True, stiffest: Stiffest = False) -> bool:
         """See `Term.evaluate`."""
         return all([hook.evaluate(tangent, stiffest) for hook in self.hooks])
+
+    def hardening(self) -> float | None:
+        """See `Term.hardening`."""
+        return max((hook.points.risen for hook in self.hooks if hook.points.hardens), default=None)
 
     def add_force(self, total: Array) -> None:
         """See `Term.add_force`."""
         if self._dead is None:
             fem.assemble_vector(total, self.residual)
             return
-        parts = [np.ravel(c.value) if isinstance(c, fem.Constant) else c.x.array for c in self._dead]
-        known = np.concatenate([*parts, [0.0]])
-        if not np.array_equal(known, self._known):
-            self._known, self._force = known, np.zeros_like(total)
+        now = [c.value if isinstance(c, fem.Constant) else c.x.array for c in self._dead]
+        if self._known is None or not all(map(np.array_equal, now, self._known)):
+            self._known, self._force = [np.array(values) for values in now], np.zeros_like(total)
             fem.assemble_vector(self._force, self.residual)
         total += self._force
 
@@ -167,13 +171,13 @@ class FormTerm(Term):
 
     def commit(self) -> None:
         """See `Term.commit`."""
-        self._since[:] = self.q.x.array
+        self._since[:] = self._of_q
         for hook in self.hooks:
             hook.points.commit()
 
     def renew(self) -> None:
         """See `Term.renew`."""
-        self._since[:] = self.q.x.array
+        self._since[:] = self._of_q
         for hook in self.hooks:
             hook.renew()
 

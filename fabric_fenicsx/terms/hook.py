@@ -25,7 +25,7 @@ from ufl.corealg.dag_traverser import DAGTraverser
 from ufl.form import Form
 
 from ..errors import InputError
-from ..laws import Array, Law
+from ..laws import Array, Law, Stiffest
 from .points import LawPoints
 
 COMPILE = {"cffi_extra_compile_args": ["-O3", "-g0"]}
@@ -109,7 +109,7 @@ class LawHook:
         weights = fem.assemble_vector(fem.form(self._factor * test * self.dx)).array
         return weights.reshape(self._shape[:2])[self.points.cells[: self.points.owned]]
 
-    def evaluate(self, tangent: bool = True, stiffest: bool = False) -> bool:
+    def evaluate(self, tangent: bool = True, stiffest: Stiffest = False) -> bool:
         """See `LawPoints.evaluate`; fills the coefficients of the forms."""
         self._compiled.eval(self._mesh, self.points.cells, self.points.strain)
         good = self.points.evaluate(tangent, stiffest)

@@ -16,19 +16,31 @@ _FAST = {"contract", "nsz"}
 
 
 @numba.njit(forceinline=True, error_model="numpy", fastmath=_FAST)
-def _gather(block, rest, start, normal, directors, q, dofs, r, x):
-    """The vectors of a block's cells at rest and now, (n, 3, LANES)."""
+def _gather(block, start, directors, q, dofs, x):
+    """The present vectors of a block's cells, (n, 3, LANES)."""
     nodes = start.shape[1]
     for lane in range(min(LANES, len(start) - block * LANES)):
         c = block * LANES + lane
         for i in range(nodes):
             for k in range(3):
-                r[i, k, lane] = rest[c, i, k]
                 x[i, k, lane] = start[c, i, k] + (q[dofs[c, 3 * i + 3 + k]] - q[dofs[c, k]])
         for i in range(directors.shape[1]):
             for k in range(3):
-                r[nodes + i, k, lane] = normal[3 * directors[c, i] + k]
                 x[nodes + i, k, lane] = q[dofs[c, 3 * (nodes + i) + 3 + k]]
+
+
+@numba.njit(forceinline=True, error_model="numpy", fastmath=_FAST)
+def _gather_rest(block, rest, normal, directors, r):
+    """As `_gather`, at rest."""
+    nodes = rest.shape[1]
+    for lane in range(min(LANES, len(rest) - block * LANES)):
+        c = block * LANES + lane
+        for i in range(nodes):
+            for k in range(3):
+                r[i, k, lane] = rest[c, i, k]
+        for i in range(directors.shape[1]):
+            for k in range(3):
+                r[nodes + i, k, lane] = normal[3 * directors[c, i] + k]
 
 
 @numba.njit(cache=True, error_model="numpy", fastmath=_FAST)
@@ -39,22 +51,30 @@ def strains(batch, out):
     r, x = np.zeros((n, 3, LANES)), np.zeros((n, 3, LANES))
     change, E = np.empty((len(pairs), LANES)), np.empty(LANES)
     for block in range(M.shape[0]):
-        _gather(block, rest, start, normal, directors, q, dofs, r, x)
-        change[:] = 0.0
+        _gather(block, start, directors, q, dofs, x)
+        _gather_rest(block, rest, normal, directors, r)
         for k in range(len(pairs)):
             i, j = pairs[k, 0], pairs[k, 1]
-            for m in range(3):
-                for lane in range(LANES):
+            for lane in range(LANES):
+                total = 0.0
+                for m in range(3):
                     # of the difference of two products, without cancellation
                     before, after = r[i, m, lane], x[j, m, lane]
-                    change[k, lane] += before * (after - r[j, m, lane]) + (x[i, m, lane] - before) * after
+                    total += before * (after - r[j, m, lane]) + (x[i, m, lane] - before) * after
+                change[k, lane] = total
         for p in range(M.shape[1]):
             t = 0
             for a in range(len(spans)):
                 E[:] = 0.0
-                for k in range(spans[a, 0], spans[a, 1]):
+                # by twos: sums that go through memory half as often take two thirds of the time
+                for k in range(spans[a, 0], spans[a, 1] - 1, 2):
                     for lane in range(LANES):
-                        E[lane] += M[block, p, t, lane] * change[k, lane]
+                        first, second = M[block, p, t, lane], M[block, p, t + 1, lane]
+                        E[lane] += first * change[k, lane] + second * change[k + 1, lane]
+                    t += 2
+                if (spans[a, 1] - spans[a, 0]) % 2 == 1:
+                    for lane in range(LANES):
+                        E[lane] += M[block, p, t, lane] * change[spans[a, 1] - 1, lane]
                     t += 1
                 for lane in range(min(LANES, len(start) - block * LANES)):
                     out[block * LANES + lane, p, a] = E[lane]
@@ -63,24 +83,29 @@ def strains(batch, out):
 @numba.njit(cache=True, error_model="numpy", fastmath=_FAST)
 def forces(batch, stress, weights, out):
     """Add forces of owned cells to a local array; stress (cells, points, strains), weights (owned cells, points)."""
-    M, spans, pairs, rest, start, normal, directors, q, dofs = batch
-    nodes, n = start.shape[1], start.shape[1] + directors.shape[1]
-    r, x, f = np.zeros((n, 3, LANES)), np.zeros((n, 3, LANES)), np.empty((n, 3, LANES))
-    W, N = np.empty((len(pairs), LANES)), np.zeros(LANES)
+    M, spans, pairs, _, start, _, directors, q, dofs = batch
+    nodes, n, points = start.shape[1], start.shape[1] + directors.shape[1], M.shape[1]
+    x, f = np.zeros((n, 3, LANES)), np.empty((n, 3, LANES))
+    W, N = np.empty((len(pairs), LANES)), np.zeros((points, LANES))
     for block in range(-(-len(weights) // LANES)):
         cells = min(LANES, len(weights) - block * LANES)
-        _gather(block, rest, start, normal, directors, q, dofs, r, x)
+        _gather(block, start, directors, q, dofs, x)
         W[:] = 0.0
-        for p in range(M.shape[1]):
-            t = 0
-            for a in range(len(spans)):
-                for lane in range(cells):
-                    c = block * LANES + lane
-                    N[lane] = weights[c, p] * stress[c, p, a]
-                for k in range(spans[a, 0], spans[a, 1]):
+        before = 0
+        for a in range(len(spans)):
+            for lane in range(cells):
+                c = block * LANES + lane
+                for p in range(points):
+                    N[p, lane] = weights[c, p] * stress[c, p, a]
+            for k in range(spans[a, 0], spans[a, 1]):
+                t = before + k - spans[a, 0]
+                for p in range(0, points - 1, 2):
                     for lane in range(LANES):
-                        W[k, lane] += N[lane] * M[block, p, t, lane]
-                    t += 1
+                        W[k, lane] += N[p, lane] * M[block, p, t, lane] + N[p + 1, lane] * M[block, p + 1, t, lane]
+                if points % 2 == 1:
+                    for lane in range(LANES):
+                        W[k, lane] += N[points - 1, lane] * M[block, points - 1, t, lane]
+            before += spans[a, 1] - spans[a, 0]
         f[:] = 0.0
         for k in range(len(pairs)):
             i, j = pairs[k, 0], pairs[k, 1]
@@ -108,10 +133,10 @@ def stiffness(batch, tangent, stress, weights, turn, out):
     turn: None, or numbers of each cell's directors, and by these their derivatives by two angles (directors, 2, 3):
     the stiffness is then by displacements and angles.
     """
-    M, spans, pairs, rest, start, normal, directors, q, dofs = batch
+    M, spans, pairs, _, start, _, directors, q, dofs = batch
     nodes, n, strains = start.shape[1], start.shape[1] + directors.shape[1], len(spans)
     points, size, moved = M.shape[1], 3 * n + 3, 3 * start.shape[1] + 3
-    r, x, W = np.zeros((n, 3, LANES)), np.zeros((n, 3, LANES)), np.empty((len(pairs), LANES))
+    x, W = np.zeros((n, 3, LANES)), np.empty((len(pairs), LANES))
     side, N = np.empty((points * strains, size, LANES)), np.zeros(LANES)
     T = np.zeros((directors.shape[1], 2, 3, LANES))
     last = size if turn is None else moved + 2 * directors.shape[1]
@@ -123,7 +148,7 @@ def stiffness(batch, tangent, stress, weights, turn, out):
     )
     for block in range(-(-len(weights) // LANES)):
         cells = min(LANES, len(weights) - block * LANES)
-        _gather(block, rest, start, normal, directors, q, dofs, r, x)
+        _gather(block, start, directors, q, dofs, x)
         W[:], side[:] = 0.0, 0.0
         if turn is not None:
             numbers, slopes = turn

@@ -4,7 +4,9 @@ from typing import Any
 
 import numpy as np
 import ufl
+from mpi4py import MPI
 from dolfinx import fem
+from scipy.sparse.csgraph import connected_components
 from ufl.algorithms import expand_derivatives
 from ufl.core.expr import Expr
 
@@ -17,8 +19,8 @@ from .kernels import LANES
 CHUNK = 1000  # cells
 
 
-def quadratic(shell: Any, strain: Expr, points: Array) -> tuple[Any, Any, Any]:
-    """M (blocks, points, terms, LANES), of each strain the first and last pair that it has, and the pairs."""
+def quadratic(shell: Any, strain: Expr, points: Array) -> tuple[Array, list[tuple[int, int]]]:
+    """M of each cell (cells, points, strains, pairs), and the pairs."""
     trial, mesh = ufl.TrialFunction(shell.space.V), shell.space.mesh
     derivative = fem.Expression(expand_derivatives(ufl.derivative(strain, shell.q, trial)), points)
     kept, cells, nodes = shell.q.x.array.copy(), len(shell.cells), shell.start.shape[1]
@@ -52,8 +54,38 @@ def quadratic(shell: Any, strain: Expr, points: Array) -> tuple[Any, Any, Any]:
     shell.q.x.array[:] = kept
     if mesh.comm.allreduce(misfit):
         raise InputError("A strain is not quadratic in displacement and director, or changes with a rotation.")
-    M = np.concatenate(pieces).reshape(cells, len(points), strain.ufl_shape[0], len(pairs))
-    spans = []
+    return np.concatenate(pieces).reshape(cells, len(points), strain.ufl_shape[0], len(pairs)), pairs
+
+
+def squares(comm: MPI.Comm, M: Array, stiffness: Array) -> Array:
+    """What a linear law stores is half the sum of the squares of a few numbers: their M, with a single point.
+
+    stiffness (cells, points, strains, strains), that of the law times the weights of the points: symmetric, and not
+    negative. A cell has no more such numbers than its strains have degrees of freedom, and often more strains: four
+    against eight in the transverse shear of a bilinear cell. Raises InputError, on every rank.
+    """
+    cells, points, _, pairs = M.shape
+    least, most = np.linalg.eigvalsh(stiffness).min(initial=0.0), np.abs(stiffness).max(initial=0.0)
+    skew = np.abs(stiffness - np.swapaxes(stiffness, 2, 3)).max(initial=0.0)
+    if comm.allreduce(bool(max(-least, skew) > 1e-12 * most)):
+        raise InputError("The stiffness of a linear strain is not symmetric, or negative; give a law in its place.")
+    coupled = connected_components(np.abs(stiffness).max(axis=(0, 1), initial=0.0), directed=False)[1]
+    found = [np.empty((cells, 0, pairs))]
+    for group in range(coupled.max() + 1):  # what bends a sheet does not stretch it, not even by round-off
+        own = np.flatnonzero(coupled == group)
+        values, vectors = np.linalg.eigh(stiffness[:, :, own[:, None], own])
+        root = np.swapaxes(vectors, 2, 3) * np.sqrt(np.maximum(values, 0.0))[..., None]
+        every = (root @ M[:, :, own]).reshape(cells, points * len(own), pairs)
+        _, sizes, rows = np.linalg.svd(every, full_matrices=False)
+        rank = int((sizes > 1e-13 * sizes[:, :1]).sum(axis=1).max(initial=1))  # a rank without cells has one, too
+        rows[:, :, ~M[:, :, own].any(axis=(0, 1, 2))] = 0.0
+        found.append(sizes[:, :rank, None] * rows[:, :rank])
+    return np.concatenate(found, axis=1)[:, None]
+
+
+def packed(M: Array, pairs: list[tuple[int, int]]) -> tuple[Any, Any, Any]:
+    """M (blocks, points, terms, LANES), of each strain the first and last pair that it has, and the pairs."""
+    cells, spans = len(M), []
     for there in M.any(axis=(0, 1)):
         found = np.flatnonzero(there)
         spans.append((found[0], found[-1] + 1) if len(found) else (0, 0))

@@ -10,7 +10,7 @@ from collections.abc import Callable
 import numpy as np
 from dolfinx import mesh
 
-from ..laws import Array, Law
+from ..laws import Array, Law, Stiffest
 
 
 class History:
@@ -65,43 +65,48 @@ class LawPoints:
         """Forget the past: from here on this law, of as many components."""
         self.law = law
         self.history = History(law.initial_state, self.strain.shape[0] * self.strain.shape[1])
-        self._spares = getattr(law, "spares_tangent", False)
+        self._advance: Callable[..., float] | None = getattr(law, "advance", None)
+        self.hardens, self.risen = hasattr(law, "hardened"), 0.0
         self._beyond: Callable[[Array], str | None] | None = getattr(law, "beyond_calibration", None)
         self._recoverable = getattr(law, "recoverable", None)
         self._potential: Callable[[Array, Array], Array] | None = getattr(law, "potential", None)
         self._start: tuple[Array, Array, Array] | None = None
         self._taken: Array | None = None
         self._energy = 0.0
-        self._before: Array | None = None  # the potential at the start
+        self._each = self._before = np.empty(0)  # what points give back at the last `_stored`, and at the start, J/m3
         self._known: float | None = None  # what is stored at the last evaluation
         self._moved = False  # whether the state of the last evaluation is the committed one
 
-    def evaluate(self, tangent: bool = True, stiffest: bool = False) -> bool:
+    def evaluate(self, tangent: bool = True, stiffest: Stiffest = False) -> bool:
         """Stress, tangent and trial state at `strain`, from the committed state; False if one is not finite.
 
         tangent: whether it is wanted; a law that cannot leave it out gives it. stiffest: of the stiffest linear law
-        that the law tells, else of the law at its first state; the trial state stays.
+        that the law tells, else of the law at its first state; "so far": after the committed state; the trial state
+        stays. Without a tangent, and not stiffest, `risen` then tells by how much the law has hardened.
         """
-        m, history, self._known, self._moved = self.strain.shape[-1], self.history, None, False
+        m, history, self._known, self._moved, self.risen = self.strain.shape[-1], self.history, None, False, 0.0
         strain, stress = self.strain.reshape(-1, m), self.stress.reshape(-1, m)
         if stiffest:
-            law = getattr(self.law, "stiffest", self.law)
-            first = np.tile(law.initial_state, (len(strain), 1))
-            self._respond(law, strain, first, stress, np.empty_like(first), tangent)
+            law, state = getattr(self.law, "stiffest", self.law), history.committed
+            if stiffest == "so far" and self.hardens:
+                law = self.law.hardened  # type: ignore[attr-defined]
+            else:
+                state = np.tile(law.initial_state, (len(strain), 1))
+            self._respond(law, strain, state, stress, np.empty_like(state))
+        elif tangent or self._advance is None:
+            self._respond(self.law, strain, history.committed, stress, history.trial)
+            return bool(np.isfinite(stress.sum()) and np.isfinite(history.trial.sum()))
         else:
-            self._respond(self.law, strain, history.committed, stress, history.trial, tangent)
-        return bool(np.isfinite(stress.sum()) and (stiffest or np.isfinite(history.trial.sum())))
+            self.risen = self._advance(strain, history.committed, stress, history.trial)
+        return bool(np.isfinite(stress.sum()))
 
     def linearise(self, strain: Array) -> None:
         """Stress and tangent at another strain, of the shape of `strain`; strain and trial state stay."""
         m = strain.shape[-1]
         new = np.empty_like(self.history.trial)
-        self._respond(self.law, strain.reshape(-1, m), self.history.committed, self.stress.reshape(-1, m), new, True)
+        self._respond(self.law, strain.reshape(-1, m), self.history.committed, self.stress.reshape(-1, m), new)
 
-    def _respond(self, law: Law, strain: Array, state: Array, stress: Array, new: Array, tangent: bool) -> None:
-        if not tangent and self._spares:
-            law.respond(strain, state, (stress, np.empty(0), new), tangent=False)  # type: ignore[call-arg]
-            return
+    def _respond(self, law: Law, strain: Array, state: Array, stress: Array, new: Array) -> None:
         n, m = strain.shape
         if self.tangent is None:
             self.tangent = np.empty((*self.strain.shape, m))
@@ -157,10 +162,10 @@ class LawPoints:
             self._taken[: self.owned] += self._work().reshape(self.owned, self.strain.shape[1])
         strain, stress = self._own()
         self._start = strain.copy(), stress.copy(), self._states(self.history.committed).copy()
-        self._before = None
         if self._known is None:
             self._known = self._stored(self.history.committed)
-        self._energy = self._known
+        # what a strain gives back is also its potential from the state that it is in
+        self._before, self._energy = self._each, self._known
 
     def energy(self) -> float:
         """What the law gives back, J on this rank; of a law that cannot tell, all that it has taken since `watch`."""
@@ -186,7 +191,8 @@ class LawPoints:
         if self._recoverable is None:
             before = 0.0 if self._taken is None else float(self._taken[: self.owned].sum())
             return before + float(self._work().sum())
-        return float(self._weights.ravel() @ self._recoverable(self._own()[0], self._states(states)))
+        self._each = self._recoverable(self._own()[0], self._states(states))
+        return float(self._weights.ravel() @ self._each)
 
     def _work(self) -> Array:
         """Work since `watch` at this rank's own points, flat, J."""
@@ -194,13 +200,13 @@ class LawPoints:
             return np.zeros(self.owned * self.strain.shape[1])
         (strain, stress, state), (now, force) = self._start, self._own()
         if self._potential is not None:  # exactly
-            if self._before is None:
-                self._before = self._potential(strain, state)
             return np.asarray(self._weights.ravel() * (self._potential(now, state) - self._before))
         change, (n, m) = now - strain, strain.shape
-        middle, moduli = np.empty_like(stress), np.empty((0 if self._spares else n, m, m))
-        flags = {"tangent": False} if self._spares else {}
-        self.law.respond(strain + 0.5 * change, state, (middle, moduli, np.empty_like(state)), **flags)
+        middle, new = np.empty_like(stress), np.empty_like(state)
+        if self._advance is None:
+            self.law.respond(strain + 0.5 * change, state, (middle, np.empty((n, m, m)), new))
+        else:
+            self._advance(strain + 0.5 * change, state, middle, new)
         mean = (stress + 4.0 * middle + force) / 6.0
         return np.asarray(self._weights.ravel() * np.einsum("na,na->n", mean, change))
 

@@ -15,7 +15,7 @@ import numpy as np
 from dolfinx import fem
 
 from ..errors import InputError
-from ..laws import Array
+from ..laws import Array, Stiffest
 from ..shell.directors import ShellSpace
 from ..surfaces import placing
 from ..surfaces.meshing import Domain
@@ -90,7 +90,7 @@ class Stitches(Term):
         self._lost = self._watched = 0.0
         self.evaluate()
 
-    def evaluate(self, tangent: bool = True, stiffest: bool = False) -> bool:
+    def evaluate(self, tangent: bool = True, stiffest: Stiffest = False) -> bool:
         """See `Term.evaluate`."""
         moved = np.zeros(self._start.shape)
         moved[self._own] = self.q.x.array[self._local]

@@ -10,7 +10,7 @@ from typing import Literal
 import numpy as np
 from ufl.form import Form
 
-from ..laws import Array
+from ..laws import Array, Stiffest
 
 type Indices = np.ndarray
 type Residual = Form | Term | int | Sequence[Form | Term]
@@ -42,14 +42,20 @@ class Term:
     """Whether its force acts at the end of an implicit time step only, and leaves no trace in the acceleration with
     which the next step begins; see `solvers.motion`."""
 
-    def evaluate(self, tangent: bool = True, stiffest: bool = False) -> bool:
+    def evaluate(self, tangent: bool = True, stiffest: Stiffest = False) -> bool:
         """At the present unknowns, under the present loads; False where something is not finite.
 
         Args:
             tangent: whether `add_stiffness` will be asked.
             stiffest: answer as stiffly as the material can, whatever its history, which stays: for explicit steps.
+                "so far": as it can at once after its history.
         """
         return True
+
+    def hardening(self) -> float | None:
+        """By how much its stiffest answer so far has grown with the last evaluation, at most, as a part of the stiffest
+        ever, on this rank; None of what does not harden. It is told without a tangent only."""
+        return None
 
     def add_force(self, total: Array) -> None:
         """Add the force (N) of the last evaluation to the total, a local array."""

@@ -26,7 +26,7 @@ from dolfinx import fem
 from ufl.core.expr import Expr
 from ufl.form import Form
 
-from ..laws import Array, Law
+from ..laws import Array, Law, Stiffest
 from ..shell.directors import ShellSpace
 from . import kernels, pairing, weakform
 from .hook import LawHook
@@ -40,7 +40,8 @@ type Part = tuple[Expr, Law | Expr, ufl.Measure]
 class InternalWork(Term):
     """Internal work of a shell on some of its cells, without a form; `form` is the same in UFL.
 
-    It keeps 3 kB a cell. Raises InputError, on every rank, for a strain that is not quadratic.
+    It keeps 3 kB a cell. Raises InputError, on every rank, for a strain that is not quadratic, and for a stiffness that
+    is not symmetric or may be negative.
 
     Public: `parts`; `points`, the `LawPoints` of those that have a law.
 
@@ -96,9 +97,13 @@ class InternalWork(Term):
             result += weakform.internal(stress, strain, self.q, test, 1.0, dx)
         return result
 
-    def evaluate(self, tangent: bool = True, stiffest: bool = False) -> bool:
+    def evaluate(self, tangent: bool = True, stiffest: Stiffest = False) -> bool:
         """See `Term.evaluate`."""
         return all([part.evaluate(tangent, stiffest) for part in self._parts])
+
+    def hardening(self) -> float | None:
+        """See `Term.hardening`."""
+        return max((points.risen for points in self.points if points.hardens), default=None)
 
     def foresee(self, change: Array) -> None:
         """See `Term.foresee`."""
@@ -175,7 +180,10 @@ class InternalWork(Term):
 
 
 class _Part:
-    """One strain of the work, on its rule. Public: `batch` and `weights` for `kernels`; `stress`, `tangent`."""
+    """One strain of the work, on its rule, or of a linear law the numbers of `pairing.squares`.
+
+    Public: `batch` and `weights` for `kernels`; `stress`, `tangent`.
+    """
 
     def __init__(self, shell: pairing.Cells, owned: int, strain: Expr, response: Law | Expr, dx: ufl.Measure) -> None:
         mesh, self._cells = shell.space.mesh, shell.cells
@@ -186,24 +194,25 @@ class _Part:
             return fem.Expression(expression, points).eval(mesh, shell.cells)
 
         q, normal = shell.q.x.array, shell.space.normal.x.array
-        probed = pairing.quadratic(shell, strain, points)
-        self.batch = *probed, shell.rest, shell.start, normal, shell.directors, q, shell.dofs
-        area = at_points(ufl.JacobianDeterminant(mesh))[:owned].reshape(owned, len(points))
-        self.weights = area * weights
-        shape = len(points), strain.ufl_shape[0]
-        self._shell, self._shape, self._left = shell, (len(shell.cells), *shape), 0.0
+        area = at_points(ufl.JacobianDeterminant(mesh)).reshape(len(shell.cells), len(points))
+        M, pairs = pairing.quadratic(shell, strain, points)
+        self.weights = (area * weights)[:owned]
+        self.points: LawPoints | None = None
+        if isinstance(response, Expr):
+            C = at_points(response).reshape(*M.shape[:3], M.shape[2])
+            M = pairing.squares(mesh.comm, M, C * (area * weights)[:, :, None, None])
+            self.weights, self.symmetric = np.ones((owned, 1)), True
+            self._strain, self._stress = np.zeros((2, *M.shape[:3]))
+            self._tangent = np.tile(np.eye(M.shape[2]), (len(M), 1, 1, 1))
+        else:
+            self.points = LawPoints(response, mesh, shell.cells, M.shape[1:3], weights=lambda: self.weights)
+            self.symmetric = response.symmetric
+        self.batch = *pairing.packed(M, pairs), shell.rest, shell.start, normal, shell.directors, q, shell.dofs
+        self._shell, self._shape, self._left = shell, M.shape[:3], 0.0
         self._of_start: Any = None  # strains at the start, of a sheet that is relaxed
         self._foreseen: Any = None  # strains
         self._about: Any = None  # stress there
         self._watched: tuple[float, Array] | None = None
-        self.points: LawPoints | None = None
-        if isinstance(response, Expr):
-            self._strain, self._stress = np.zeros((2, len(shell.cells), *shape))
-            self._tangent = at_points(response).reshape(*self._strain.shape, shape[1])
-            self.symmetric = True
-        else:
-            self.points = LawPoints(response, mesh, shell.cells, shape, weights=lambda: self.weights)
-            self.symmetric = response.symmetric
 
     def measure(self, out: Array) -> None:
         """Strains (cells, points, strains) of all cells at the present q."""
@@ -237,11 +246,11 @@ class _Part:
         mean = 0.5 * (before + self.stress[:n])
         return (left - self._left) * float(np.einsum("cp,cpa,cpa", self.weights, mean, self._of_start[:n]))
 
-    def evaluate(self, tangent: bool, stiffest: bool) -> bool:
+    def evaluate(self, tangent: bool, stiffest: Stiffest) -> bool:
         self.measure(self.strain)
         if self.points is not None:
             return self.points.evaluate(tangent, stiffest)
-        np.einsum("cpab,cpb->cpa", self._tangent, self._strain, out=self._stress)
+        self._stress[:] = self._strain
         return True
 
     def foresee(self, change: Array) -> None:
@@ -256,7 +265,7 @@ class _Part:
     def linearise(self, reach: float) -> None:
         if self._about is None:
             if self.points is None:
-                np.einsum("cpab,cpb->cpa", self._tangent, self._foreseen, out=self._stress)
+                self._stress[:] = self._foreseen
             else:
                 self.points.linearise(self._foreseen)
             self._about = self.stress.copy()
