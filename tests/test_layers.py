@@ -69,7 +69,7 @@ FLOORS = [
     {"sheet"},
     {
         "contact": [
-            {"triangles", "skin", "kernels"},
+            {"triangles", "skin", "kernels", "scattering"},
             {"bodies"},
             {"coefficients", "free_body", "shapes", "points"},
             {"gaps", "deforming", "free_bodies"},

@@ -51,7 +51,7 @@ class Friction(PairTerm):
                 if not self._coefficients.uniform:
                     self._orient()
                 force[: len(near.met)] = -self._law.force(*self._arguments()).reshape(-1, 3)
-            closed = near.gaps.friction(near.x, x0, self._length, self._coefficients, False)
+            closed = near.gaps.friction(near.x, x0, self._length, self._coefficients, False, self._around.still)
             near.gaps.add([push for push, _ in closed], force)
             self._force = force
         return self._force
@@ -83,7 +83,7 @@ class Friction(PairTerm):
 
     def _blocks(self) -> Blocks:
         near = self._around.collisions
-        closed = near.gaps.friction(near.x, self._around.x0, self._length, self._coefficients, True)
+        closed = near.gaps.friction(near.x, self._around.x0, self._length, self._coefficients, True, self._around.still)
         return [(one, change) for one, (_, change) in zip(near.gaps.near, closed, strict=True)]
 
     def _matrices(self) -> list[Any]:

@@ -96,16 +96,20 @@ class Near:
         return scipy.sparse.coo_array((entries.ravel(), (rows.ravel(), columns.ravel())), shape=(size, size))
 
     def friction(
-        self, x0: Array, way: Array, length: float, coefficients: Coefficients, x: Array, tangent: bool
+        self, x0: Array, way: Array | None, length: float, coefficients: Coefficients, x: Array, tangent: bool
     ) -> tuple[Array, Array]:
         """On points (k, 3), as of a residual, and their derivatives (k, 3, 3), none without `tangent`.
 
-        x0: the nodes at the last commit; way: of the body's corners since then; length: see `coulomb`; x: the nodes.
+        x0: the nodes at the last commit; way: of the body's corners since then, or None; length: see `coulomb`; x:
+        the nodes.
         """
         force, (grid, pose) = self.force, (self.grid, self.pose)
         mean, by_x = self.shape.led(pose, way)
-        own = grid.nodes, grid.shares, self.points, self.x, self.normals
-        slid, along = kernels.slid(*own, x0, pose[0], mean, by_x)
+        own = grid.nodes, grid.shares, self.points, self.x, self.normals, x0, pose[0], mean, by_x
+        if coefficients.uniform and not tangent:
+            most, least = coefficients.static[0], coefficients.kinetic[0]
+            return kernels.rubbed(force, most, least, length, *own), np.empty((0, 3, 3))
+        slid, along = kernels.slid(*own)
         size, main = np.sqrt(np.einsum("ki,ki->k", along, along)), grid.nodes[self.points, 0]
         mu, rise = coefficients.along(main, along, x)
         h, bend = coulomb(size, length, *mu)
@@ -212,18 +216,17 @@ class Gaps:
         fastest = 0.0
         for near in self.near:
             if len(near.points):
-                stiffness = np.zeros((self._count, 3))
-                near.spread(np.repeat(-near.slope[:, None], 3, axis=1), stiffness)
-                fastest = max(fastest, float((stiffness[:, 0] / masses).max()))
+                own = near.grid.nodes, near.grid.shares, near.points, masses
+                fastest = max(fastest, float(kernels.fastest(-near.slope, *own)))
         return fastest
 
     def friction(
-        self, x: Array, x0: Array, length: float, coefficients: Coefficients, tangent: bool
+        self, x: Array, x0: Array, length: float, coefficients: Coefficients, tangent: bool, still: bool = False
     ) -> list[tuple[Array, Array]]:
-        """Of each body, see `Near.friction`; x, x0: all places now and at the last commit."""
+        """Of each body, see `Near.friction`; x, x0: all places now and at the last commit; still: of all bodies."""
         n = self._count
         return [
-            near.friction(x0[:n], x[part] - x0[part], length, coefficients, x[:n], tangent)
+            near.friction(x0[:n], None if still else x[part] - x0[part], length, coefficients, x[:n], tangent)
             for near, part in zip(self.near, self._corners, strict=True)
         ]
 

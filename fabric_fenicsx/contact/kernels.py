@@ -1,4 +1,4 @@
-"""The compiled part of contact: points of a sheet near bodies in closed form, and entries of the stiffness.
+"""The compiled part of contact: points of a sheet near bodies in closed form.
 
 They share one file because Numba's cache looks at the file of a function, not at what it calls. A body is a tuple of
 its kind, the half sizes of its core (of a plane its normal) and its radius; a frame is the middle and the axes of its
@@ -202,20 +202,39 @@ def apart(x, about):
     return far
 
 
+@inlined
+def _coulomb(slid, static, kinetic, length):
+    """See `coefficients.coulomb`."""
+    y = slid / length
+    if y >= 1.0:
+        return kinetic / slid, -kinetic / slid**3
+    below = y < 0.5
+    drop, step = kinetic - static, 2 * y**2 if below else 1 - 2 * (1 - y) ** 2
+    mu, rise = static + drop * step, drop * (4.0 if below else 4 / y - 4)
+    return mu * (2 - y) / length, (rise * (2 - y) - mu / max(y, 1e-12)) / length**3
+
+
 @jit
 def coulomb(slid, static, kinetic, length):
     """See `coefficients.coulomb`; all but the length are arrays (k,)."""
     h, bend = np.empty(len(slid)), np.empty(len(slid))
     for p in range(len(slid)):
-        y = slid[p] / length
-        if y >= 1.0:
-            h[p], bend[p] = kinetic[p] / slid[p], -kinetic[p] / slid[p] ** 3
-            continue
-        below = y < 0.5
-        drop, step = kinetic[p] - static[p], 2 * y**2 if below else 1 - 2 * (1 - y) ** 2
-        mu, rise = static[p] + drop * step, drop * (4.0 if below else 4 / y - 4)
-        h[p], bend[p] = mu * (2 - y) / length, (rise * (2 - y) - mu / max(y, 1e-12)) / length**3
+        h[p], bend[p] = _coulomb(slid[p], static[p], kinetic[p], length)
     return h, bend
+
+
+@inlined
+def _slid(nodes, shares, point, i, x, normals, x0, middle, mean, by_x, way, along):
+    """Row i of `slid`."""
+    off = 0.0
+    for k in range(3):
+        went = mean[k]
+        for m in range(3):
+            went += (x[i, m] - middle[m]) * by_x[m, k]
+        way[i, k] = x[i, k] - _at(nodes, shares, point, x0, k) - went
+        off += way[i, k] * normals[i, k]
+    for k in range(3):
+        along[i, k] = way[i, k] - off * normals[i, k]
 
 
 @jit
@@ -226,16 +245,49 @@ def slid(nodes, shares, points, x, normals, x0, middle, mean, by_x):
     """
     way, along = np.empty_like(x), np.empty_like(x)
     for i in range(len(points)):
-        off = 0.0
-        for k in range(3):
-            went = mean[k]
-            for m in range(3):
-                went += (x[i, m] - middle[m]) * by_x[m, k]
-            way[i, k] = x[i, k] - _at(nodes, shares, points[i], x0, k) - went
-            off += way[i, k] * normals[i, k]
-        for k in range(3):
-            along[i, k] = way[i, k] - off * normals[i, k]
+        _slid(nodes, shares, points[i], i, x, normals, x0, middle, mean, by_x, way, along)
     return way, along
+
+
+@jit
+def rubbed(force, static, kinetic, length, nodes, shares, points, x, normals, x0, middle, mean, by_x):
+    """Friction (k, 3) at normal forces (k,), with the same coefficients everywhere; the rest as of `slid`."""
+    way, along = np.empty_like(x), np.empty_like(x)
+    for i in range(len(points)):
+        _slid(nodes, shares, points[i], i, x, normals, x0, middle, mean, by_x, way, along)
+        size = sqrt(along[i, 0] ** 2 + along[i, 1] ** 2 + along[i, 2] ** 2)
+        h, _ = _coulomb(size, static, kinetic, length)
+        for k in range(3):
+            along[i, k] *= force[i] * h
+    return along
+
+
+@jit
+def fastest(stiffness, nodes, shares, points, masses):
+    """The largest stiffness over the mass of a node (n,), of those of points (k,)."""
+    most, sums = 0.0, np.zeros(len(masses))
+    for i in range(len(points)):
+        for a in range(3):
+            sums[nodes[points[i], a]] += shares[points[i], a] * stiffness[i]
+    for n in range(len(masses)):
+        most = max(most, sums[n] / masses[n])
+    return most
+
+
+@jit
+def shared_out(x, forces, middle, turn, inverse):
+    """Forces at places (k, 3), on the corners of a body (n, 3); see `shapes.Shape.spread`."""
+    n, even, moment = inverse.shape[1], np.zeros(3), np.zeros((3, 3))
+    for i in range(len(x)):
+        for k in range(3):
+            even[k] += forces[i, k] / n
+            for m in range(3):
+                moment[m, k] += (x[i, m] - middle[m]) * forces[i, k]
+    back, found = turn.T @ moment, np.empty((n, 3))
+    for c in range(n):
+        for k in range(3):
+            found[c, k] = even[k] + inverse[0, c] * back[0, k] + inverse[1, c] * back[1, k] + inverse[2, c] * back[2, k]
+    return found
 
 
 @jit
@@ -259,57 +311,3 @@ def rub(force, slope, h, bend, normals, curvature, way, along, by_x):
                 change[i, k, m] = slope[i] * h[i] * along[i, k] * n[m]
                 change[i, k, m] += force[i] * (h[i] * moves[k, m] + bend[i] * along[i, k] * pulled)
     return change
-
-
-@jit
-def add_blocks(blocks, shares, slots, points, values):
-    """Add derivatives (k, 3, 3) of forces on points to entries; slots (all points, 3, 3): of pairs of their nodes."""
-    for i in range(len(points)):
-        p = points[i]
-        for a in range(3):
-            for b in range(3):
-                share, slot = shares[p, a] * shares[p, b], slots[p, a, b]
-                if slot >= 0 and share != 0.0:
-                    for k in range(3):
-                        for m in range(3):
-                            values[9 * slot + 3 * k + m] += share * blocks[i, k, m]
-
-
-@jit
-def slot_of(starts, columns, i, j):
-    """Where the pair (i, j) is among sorted ones, -1 if nowhere."""
-    low, high = starts[i], starts[i + 1]
-    while low < high:
-        middle = (low + high) // 2
-        if columns[middle] < j:
-            low = middle + 1
-        else:
-            high = middle
-    return low if low < starts[i + 1] and columns[low] == j else -1
-
-
-@jit
-def located(indptr, indices, starts, columns, here, entries):
-    """Where entries of a matrix by columns go among those of pairs of corners, -1 if nowhere; and whether all are."""
-    whole, count = True, len(starts) - 1
-    for column in range(len(indptr) - 1):
-        last, slot = -1, -1
-        for k in range(indptr[column], indptr[column + 1]):
-            i, entries[k] = indices[k] // 3, -1
-            if i >= count or column >= 3 * count or not here[i]:
-                continue
-            if i != last:
-                last, slot = i, slot_of(starts, columns, i, column // 3)
-            if slot < 0:
-                whole = False
-            else:
-                entries[k] = 9 * slot + 3 * (indices[k] - 3 * i) + column % 3
-    return whole
-
-
-@jit
-def add_entries(entries, data, values):
-    """Add to the entries that are somewhere."""
-    for k in range(len(entries)):
-        if entries[k] >= 0:
-            values[entries[k]] += data[k]

@@ -9,7 +9,7 @@ import scipy.sparse
 
 from ..laws import Array, Stiffest
 from ..terms.term import Indices, Term
-from . import kernels
+from . import scattering
 from .free_bodies import FreeBodies
 from .gaps import Near
 from .points import Grid
@@ -74,7 +74,7 @@ class Scatter:
         for matrix in columns:
             where.append(np.empty(matrix.nnz, dtype=np.int64))
             within = matrix.indptr, matrix.indices, self._starts, self._columns, self._here
-            whole &= kernels.located(*within, where[-1])
+            whole &= scattering.located(*within, where[-1])
         return Entries([(near, block) for near, block in blocks if len(block)], columns, where, whole)
 
     def room_for(self, found: Entries) -> None:
@@ -94,9 +94,9 @@ class Scatter:
     def add(self, found: Entries, values: Array) -> None:
         """Add to the entries of `pattern`."""
         for matrix, where in zip(found.matrices, found.where, strict=True):
-            kernels.add_entries(where, matrix.data, values)
+            scattering.add_entries(where, matrix.data, values)
         for near, block in found.blocks:
-            kernels.add_blocks(block, near.grid.shares, self._of(near.grid), near.points, values)
+            scattering.add_blocks(block, near.grid.shares, self._of(near.grid), near.points, values)
 
     def _of(self, grid: Grid) -> np.ndarray:
         """Where pairs of nodes of each point are, -1 if elsewhere: (points, 3, 3)."""
@@ -179,7 +179,7 @@ class PairTerm(Term):
 
     def _step_work(self) -> float:
         """Of what leads the bodies, since the last commit, J on this rank."""
-        if not self._first:
+        if not self._first or self._around.still:
             return 0.0
         around, count = self._around, self._around.collisions.count
         way = (around.collisions.x[count:] - around.x0[count:])[around.driven]

@@ -27,7 +27,7 @@ class Shape:
     def __init__(self, body: Body) -> None:
         self.body, self._frame, self.radius = body, np.eye(3), 0.0
         self._arms = body.rest - body.rest.mean(axis=0)
-        self._inverse = np.linalg.pinv(self._arms)
+        self._inverse = np.ascontiguousarray(np.linalg.pinv(self._arms))
         self._last: tuple[Array, Pose] | None = None
         kind, size = kernels.BALL, np.zeros(3)
         match body:
@@ -75,11 +75,12 @@ class Shape:
 
     def spread(self, x: Array, forces: Array, pose: Pose) -> Array:
         """Forces (k, 3) at places (k, 3) that move with the body, on its corners (n, 3): with the same moment."""
-        even = forces.sum(axis=0) / len(self._arms)
-        return np.asarray(even + (pose[1] @ self._inverse).T @ ((x - pose[0]).T @ forces))
+        return np.asarray(kernels.shared_out(x, forces, pose[0], pose[1], self._inverse))
 
-    def led(self, pose: Pose, way: Array) -> tuple[Array, Array]:
-        """How its corners' way (n, 3) leads all that moves with it: by a mean + (place - middle) @ a matrix."""
+    def led(self, pose: Pose, way: Array | None) -> tuple[Array, Array]:
+        """How its corners' way (n, 3), or none, leads all that moves with it: by mean + (place - middle) @ a matrix."""
+        if way is None:
+            return np.zeros(3), np.zeros((3, 3))
         mean = way.mean(axis=0)
         return mean, pose[1] @ self._inverse @ (way - mean)
 

@@ -27,8 +27,10 @@ class Surroundings:
         """Corners of bodies that are led, or stay."""
         for body in free.bodies if free else []:
             self.driven[body.corners] = False
+        self._placed: tuple[Array, Array] | None = None  # nodes, and where bodies were led, at the last `place`
         self.place()
         self.x0 = self._before = collisions.x.copy()
+        self._led0 = self._led_before = self.led
 
     def _targets(self) -> Array:
         every = np.concatenate([np.empty((0, 3)), *(body.target for body in self.collisions.bodies)])
@@ -43,7 +45,18 @@ class Surroundings:
 
     def place(self) -> bool:
         """Put the sheet where its unknowns are; False if that is nowhere."""
-        return self.collisions.place(self._places())
+        if self.free:
+            return self.collisions.place(self._places())
+        nodes = self.skin.places()
+        if self._placed is not None and self._placed[1] is self.led and np.array_equal(nodes, self._placed[0]):
+            return True
+        self._placed = nodes, self.led
+        return self.collisions.place(np.concatenate([nodes, self.led]))
+
+    @property
+    def still(self) -> bool:
+        """Whether no body has moved since x0, as far as can be told at once."""
+        return self.free is None and self.led is self._led0
 
     def free_part(self, change: Array) -> float:
         """The part that is free of a change of q, a local array, and of free bodies."""
@@ -86,17 +99,18 @@ class Surroundings:
     def commit(self) -> None:
         """The step to the present places has happened."""
         self._before, self.x0 = self.x0, self.collisions.x.copy()
+        self._led_before, self._led0 = self._led0, self.led
 
     @contextmanager
     def looking_back(self) -> Iterator[None]:
         """After a commit, take the step to it for the present one, for what depends on the way."""
-        now = self.x0
+        now = self.x0, self._led0
         if np.array_equal(self.collisions.x, self.x0):
-            self.x0 = self._before
+            self.x0, self._led0 = self._before, self._led_before
         try:
             yield
         finally:
-            self.x0 = now
+            self.x0, self._led0 = now
 
     def restore(self) -> None:
         """Back to the last commit."""
