@@ -43,7 +43,7 @@ Rooms, in the order in which a scene goes through them, and their names; each ro
 - `output.recording`: all that a run leaves behind, in one line: `Recorder`; `output.showing`: `Plain`
 - `contact.contact`: of a sheet with bodies and with itself: `Contact`; `contact.bodies`: `Plane`, `Sphere`, `Cylinder`,
   `Capsule`, `Box`, `Ring`, `Surface`; `contact.coefficients`: friction: `coulomb`, `start_of_slip`
-- `contact.deforming`: bodies as frames tell: `Deforming`
+- `contact.deforming`: bodies as frames tell: `Deforming`; `contact.collisions`: pairs that are near: `Collisions`
 - `garments.panels`: of a pattern: `Panel`, `Edge`, `Flat`, `Rolled`; `garments.sewing`: `sew`, `Seam`, `Garment`
 - `garments.dressing`: onto the body, and from there on: `Dressing`, `worn`
 - `garments.limbs`: who wears it: `arm`, `leg`; `garments.hips`: `hips`; `garments.torso`: `Torso`; `garments.human`:
@@ -63,14 +63,14 @@ The other rooms serve these: `surfaces.checking`, `surfaces.grouping` and `surfa
 the directors, `surfaces.placing` where a garment starts, `surfaces.outlines` its cells, `terms.kernels` and
 `terms.pairing` the stiffness, `solvers.tangent` and `solvers.turned` the matrix, `solvers.inertia` the mass,
 `solvers.stepper`, `solvers.step`, `solvers.stable_step`, `solvers.drifting` and `solvers.parts` the motions,
-`contact.skin`, `contact.kernels`, `contact.scattering`, `contact.collisions`, `contact.surroundings`,
+`contact.skin`, `contact.kernels`, `contact.scattering`, `contact.surroundings`,
 `contact.triangles`, `contact.points`, `contact.shapes`, `contact.gaps`, `contact.pairs`, `contact.barrier`,
 `contact.friction`, `contact.pressure`, `contact.free_body` and `contact.free_bodies` contact, `terms.extra` and
 `solvers.unknowns` unknowns beside a sheet's,
 `garments.patterns`, `garments.dxf`, `garments.garmentcode` and `garments.outlines` patterns from files,
 `garments.limb` and `garments.implicit` the wearer, `solvers.leading` what leads,
-`solvers.held`, `solvers.zero_energy` and `solvers.drag` statics, `solvers.redundant` several ranks,
-`solvers.reactions` and `solvers.failures` all of
+`solvers.held`, `solvers.zero_energy` and `solvers.drag` statics, `solvers.redundant` and `solvers.substructures`
+several ranks, `solvers.reactions` and `solvers.failures` all of
 them, `entries` the TOML files, `compiling` the forms that are compiled once and kept,
 `files`, `output.gathering` and `output.moving` what is written, `photographs.reading`, `photographs.marks`,
 `photographs.tracking`, `photographs.speckle`, `photographs.plane`, `photographs.corrections`,

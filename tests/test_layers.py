@@ -43,7 +43,7 @@ FLOORS = [
     {
         "solvers": [
             {"held", "redundant"},
-            {"pivots"},
+            {"pivots", "substructures"},
             {"zero_energy"},
             {"linear", "continuation", "checkpoint", "reactions", "tangent", "turned", "failures"},
             {"marching", "motion", "leading"},

@@ -6,12 +6,13 @@ import pytest
 import ufl
 from mpi4py import MPI
 from dolfinx import fem
+from petsc4py import PETSc
 
 from fabric_fenicsx import fabrics, sheet
 from fabric_fenicsx.errors import StepFailed
 from fabric_fenicsx.laws.svk import StVenantKirchhoff
 from fabric_fenicsx.laws.woven import Woven
-from fabric_fenicsx.solvers import linear, tangent
+from fabric_fenicsx.solvers import linear, redundant, substructures, tangent
 from fabric_fenicsx.surfaces import meshing
 from fabric_fenicsx.terms import supports, term
 
@@ -72,6 +73,55 @@ def test_a_system_that_each_rank_has_as_a_whole_is_solved_as_the_shared_one(monk
         assert np.abs(one - other).max(initial=0.0) < 1e-9 * size
     assert all(np.array_equal(own[k], own[k + 1]) for k in (0, 2, 4)) and np.array_equal(own[0], own[4])
     assert answers[0][1] == answers[np.inf][1] == (0, 0)
+
+
+@pytest.mark.parallel
+@pytest.mark.parametrize("kind", ["elastic", "woven"])
+@pytest.mark.parametrize("long, whole", [(20.0, 0), (0.0, 0), (0.0, np.inf)])
+def test_a_system_whose_ranks_eliminate_their_interiors_is_solved_as_the_whole(kind, long, whole, monkeypatch):
+    """Also where the interface is too long; through new values of one matrix, one without factors among them."""
+    monkeypatch.setattr(substructures, "LONG", long)
+    solver = falling(square(kind, 6), {})
+    A, b, answers = solver.tangent.A, solver._b.duplicate(), []
+    symmetric, name = ("LDL'", "cholesky") if kind == "elastic" else ("LU", "lu")
+    assert linear.method(solver.snes) == f"{symmetric} by MUMPS"
+    b.array_w[:] = np.cos(np.arange(*b.owner_range))
+    prefix = solver.snes.getOptionsPrefix()
+    for context in (redundant.Redundant(prefix), substructures.Substructures(prefix, whole)):
+        ksp, found = PETSc.KSP().create(COMM), []
+        ksp.setType("preonly")
+        ksp.getPC().setType("python")
+        ksp.getPC().setPythonContext(context)
+        assert context.ksp.getPC().getType() == name
+        values = A.copy()
+        for factor in (1.0, 2.0, 2.0, 0.0, 2.0):
+            A.copy(values)
+            values.scale(factor)
+            ksp.setOperators(values)
+            x = b.duplicate()
+            ksp.solve(b, x)
+            assert (ksp.getConvergedReason() < 0) == (factor == 0.0)
+            if factor == 0.0:
+                ksp.reset()
+            else:
+                found.append(factor * x.array_r)
+        assert np.array_equal(found[1], found[2]) or (long == 0.0 and whole == 0)  # MUMPS's own do not repeat
+        answers.append(found)
+    size = COMM.allreduce(np.abs(answers[0][0]).max(initial=0.0), MPI.MAX)
+    for one, other in zip(*answers, strict=True):
+        assert np.abs(one - other).max(initial=0.0) < 1e-9 * size
+
+
+@pytest.mark.parallel
+def test_an_interface_is_a_line_that_parts_the_ranks():
+    cells = 8
+    A = falling(square("elastic", cells), {}).tangent.A
+    B, (begin, end) = substructures.interface(A), A.getOwnershipRange()
+    indptr, columns, _ = A.getValuesCSR()
+    rows = np.repeat(np.arange(begin, end), np.diff(indptr))
+    away = (columns < begin) | (columns >= end)
+    assert (np.isin(rows, B) | np.isin(columns, B))[away].all()
+    assert len(B) <= (COMM.size - 1) * 5 * (cells + 3)
 
 
 @pytest.mark.parallel(first=2)
@@ -180,7 +230,6 @@ class Untold(term.Term):
 @pytest.mark.parallel
 @pytest.mark.parametrize("element", ["mitc4", "regge"])
 def test_a_matrix_summed_up_at_once_is_the_product_of_the_one_by_directors(element):
-    """On several ranks a consistent mass is not told by angles, and both are the product."""
     solver = falling(square("woven", 6, element), {})
     x = solver.begin()
     x.array_w[:] += 1e-3 * np.random.default_rng(COMM.rank).standard_normal(x.local_size)
@@ -188,7 +237,7 @@ def test_a_matrix_summed_up_at_once_is_the_product_of_the_one_by_directors(eleme
     at_once, force = solver.tangent, solver._unknowns.force
     terms = [Untold(other) for other in at_once._terms]
     product = tangent.Tangent(terms, at_once._space, at_once._shell, at_once._turn)
-    assert at_once._whole == (COMM.size == 1) and not product._whole
+    assert at_once._whole and not product._whole
     for matrix in (at_once, product):
         matrix.assemble(force)
     difference = product.A.copy()

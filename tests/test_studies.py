@@ -8,7 +8,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from mpi4py import MPI
+from dolfinx import fem
+from dolfinx import mesh as dmesh
 from matplotlib import image
+from petsc4py import PETSc
 
 DEMOS = Path(__file__).resolve().parent.parent / "demos" / "studies"
 
@@ -117,6 +121,31 @@ def test_the_cost_of_contact_is_told(monkeypatch, tmp_path, capsys):
     assert len(rows) == 5 and all(0.0 < share < 100.0 for share in shares[::2]) and shares[1] == shares[3] == 0.0
 
 
+def test_the_search_of_pairs_is_timed_on_sheets_that_grow(monkeypatch):
+    monkeypatch.syspath_prepend(DEMOS)
+    monkeypatch.syspath_prepend(DEMOS.parent)
+    import contact_cost
+
+    few, many = (contact_cost.found(cells) for cells in (8, 16))
+    assert few["triangles"] == 256 and many["triangles"] == 1024 and many["cpu_s"] > 0.0
+    # each node of a sheet is above a triangle of the other
+    assert few["pairs"] > 2 * 81 and 3.5 < many["pairs"] / few["pairs"] < 4.6
+
+
+def test_numbers_whose_errors_shrink_by_one_factor_are_extrapolated(monkeypatch):
+    monkeypatch.syspath_prepend(DEMOS)
+    import error_vs_runtime as study
+
+    limit, error = np.array([3.0, -2.0]), np.array([0.1, 0.4])
+    meshes = [limit + error * factor**k for k in range(3) for factor in [np.array([0.5, 0.3])]]
+    assert study.extrapolated(*meshes) == pytest.approx(limit, rel=1e-12)
+    strip = {"law": "potential", "degree": 2, "steps": 1, "rtol": 1e-6}
+    once = study.once("strip", strip | {"cells": 4, "way": "extrapolated"})
+    runs = [study.once("strip", strip | {"cells": n}) for n in (1, 2, 4)]
+    assert once[0] == pytest.approx(study.extrapolated(*(run[0] for run in runs)), rel=1e-12)
+    assert len(once) == 4 and min(once[1:]) > 0.0
+
+
 def test_the_base_of_a_study_is_the_default_of_its_demo(monkeypatch):
     monkeypatch.syspath_prepend(DEMOS)
     monkeypatch.syspath_prepend(DEMOS.parent)
@@ -133,3 +162,42 @@ def test_the_base_of_a_study_is_the_default_of_its_demo(monkeypatch):
     args = tensile.arguments()
     tried = error_cases.CASES["strip"][0](quick=False).settings
     assert any(args.cells == (3 * s["cells"], s["cells"]) and args.degree == s["degree"] for s in tried)
+
+
+def test_what_many_ranks_gain_is_predicted_from_counts(monkeypatch):
+    monkeypatch.syspath_prepend(DEMOS)
+    import rank_model
+
+    work, messages, length, reductions = 1e-5, 30.0, 1e6, 5.0
+    counts = rank_model.Counts(4, 4000, 0.0, messages, length, reductions, neighbours=3, linear_iterations=1.0)
+    assumed = {"latency": 2e-6, "bandwidth": 1e10}
+    # 16 parts as large as those of the four, with eight neighbours and four sides
+    seconds, share = rank_model.predicted(work, counts, 16000, 16, **assumed)
+    talk = 2e-6 * (80.0 + 2 * 5 * 4) + 2e6 / 1e10
+    assert seconds == pytest.approx(1e-2 + talk, rel=1e-12) and share == pytest.approx(talk / seconds, rel=1e-12)
+    assert rank_model.efficiency(work, counts, 16000, 16, **assumed) == pytest.approx(1e-2 / seconds, rel=1e-12)
+    # sides are half as long in a quarter of the unknowns
+    quarter, _ = rank_model.predicted(work, counts, 4000, 16, **assumed)
+    assert quarter == pytest.approx(2.5e-3 + talk - 1e6 / 1e10, rel=1e-12)
+    assert rank_model.predicted(work, counts, 4000, 1) == (0.04, 0.0)
+    assert rank_model.efficiency(work, counts, 4000, 512, latency=0.0, bandwidth=np.inf) == pytest.approx(1.0)
+
+
+@pytest.mark.parallel
+def test_messages_and_sums_of_a_rank_are_counted(monkeypatch):
+    monkeypatch.syspath_prepend(DEMOS)
+    import rank_model
+
+    domain = dmesh.create_unit_square(MPI.COMM_WORLD, 4, 4)
+    u = fem.Function(fem.functionspace(domain, ("Lagrange", 1, (2,))))
+    ghosts = u.function_space.dofmap.index_map
+    v = u.x.petsc_vec.duplicate()
+    PETSc.Log.begin()
+    with rank_model.Counter() as counter:
+        assert domain.comm.allreduce(1) == MPI.COMM_WORLD.size
+        u.x.scatter_forward()
+        v.dot(v)
+    assert counter.messages == len(set(ghosts.owners)) and counter.bytes == 16 * ghosts.num_ghosts
+    assert counter.reductions == 2
+    domain.comm.allreduce(1)
+    assert counter.reductions == 2

@@ -16,6 +16,10 @@ edges: flat, so that it must bend, and stretched by 0.5 %; for every thickness o
 
     python demos/studies/scaling.py --thickness 1e-2 1e-3 1e-4 --cells 20 40 80
 
+With --model it counts work and messages of an iteration, and predicts what 8, 64 and 512 ranks gain: `rank_model`.
+
+    python demos/studies/scaling.py --model
+
 The checked number: heights until 0.25 s on any number of ranks differ by at most 1e-6 of the sag, and those by another
 solver than LU, of a tolerance of its own, by at most 1e-4. With --thickness: the linear solvers differ by at most 1e-3.
 """
@@ -32,6 +36,7 @@ sys.path.append(str(Path(__file__).parents[1]))  # the demos
 
 import moving
 import numpy as np
+import rank_model
 import studies
 from dolfinx import fem
 
@@ -212,12 +217,17 @@ def main():
     parser.add_argument("--solver", choices=moving.SOLVERS, nargs="+", default=["direct"])
     parser.add_argument("--weak", action="store_true", help="r ranks get r times the cells")
     parser.add_argument("--thickness", type=command.number, nargs="+", help="over side; sheets at rest instead")
+    parser.add_argument("--model", action="store_true", help="what many ranks would gain instead")
     parser.add_argument("--end", type=command.number, default=0.05, help="s")
     parser.add_argument("--out", type=Path, default=Path("out/scaling"))
     parser.add_argument("also", nargs="*", help="after --: more words for the drape")
     args = command.parse(parser)
     if MPI.COMM_WORLD.size > 1:
         raise InputError("scaling.py starts mpirun itself: call it on one rank, with --ranks.")
+    if args.model:
+        for line in rank_model.table(args.end):
+            command.say(line)
+        return 0
     if args.thickness:
         return thicknesses(args)
     if bad := [n for n in args.cells if n % 10]:

@@ -49,7 +49,7 @@ class Mass(Term):
         """See `Term.turned_pattern`."""
         if self.motion.space is None:
             return None
-        self._turned = Turned(self.motion.space, self.motion.mass)
+        self._turned = Turned(self.motion.space, self.motion.entries)
         return self._turned.pattern
 
     def add_turned(self, values: Array) -> None:

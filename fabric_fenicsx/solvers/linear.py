@@ -12,6 +12,7 @@ from petsc4py import PETSc
 from ..shell.directors import ShellSpace
 from ..surfaces import placing
 from .redundant import Redundant, own
+from .substructures import Substructures
 
 Options = dict[str, object]
 """None: not given, where another has been."""
@@ -87,6 +88,9 @@ two): percent more of it."""
 WHOLE = 10000
 """Unknowns below which each of several ranks factorises the whole matrix: `redundant`."""
 
+PARTED = 4000
+"""Unknowns from which each of several ranks eliminates its own interior, where null pivots need not be counted."""
+
 FACTORS = {"lu": "LU by MUMPS", "cholesky": "LDL' by MUMPS"}
 """Types of PETSc's PC, and their names."""
 
@@ -117,9 +121,10 @@ def configure(snes: PETSc.SNES, A: PETSc.Mat, options: Options, symmetric: bool 
         store[name] = value
     snes.setFromOptions()
     pc = snes.ksp.getPC()
-    if whole and pc.getType() in FACTORS and given["pc_factor_mat_solver_type"] == "mumps":
+    parted = several and size >= PARTED and "mat_mumps_icntl_24" not in given
+    if (parted or whole) and pc.getType() in FACTORS and given["pc_factor_mat_solver_type"] == "mumps":
         pc.setType("python")
-        pc.setPythonContext(Redundant(prefix))
+        pc.setPythonContext(Substructures(prefix, WHOLE) if parted else Redundant(prefix))
     weakref.finalize(snes, _forget, store, list(given))
 
 

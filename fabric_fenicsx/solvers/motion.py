@@ -21,6 +21,8 @@ axes change with every step; after a step its velocity is laid into the tangent 
 along d is the -|d'|^2 that keeps its length.
 """
 
+from functools import cached_property
+
 import numpy as np
 from dolfinx import fem
 from dolfinx.fem import petsc as fempetsc
@@ -30,6 +32,7 @@ from ufl.form import Form
 from ..errors import InputError
 from ..laws import Array
 from ..shell.directors import ShellSpace
+from ..terms.term import Indices
 from .turned import compact
 
 
@@ -92,7 +95,8 @@ class Motion:
         self._by_mass: PETSc.KSP | None = None
         self.given, self._given_v, self._given_a = np.empty(0, dtype=np.int32), np.empty(0), np.empty(0)
         """Local unknowns whose motion is prescribed."""
-        self.mass = compact(fempetsc.assemble_matrix(fem.form(mass)))
+        self._form, self._lumped = fem.form(mass), lumped
+        self.mass = compact(fempetsc.assemble_matrix(self._form))
         if lumped:
             diagonal = fem.Function(V)
             diagonal.x.array[:] = self.lump()
@@ -104,6 +108,16 @@ class Motion:
         """Derivative of the stage acceleration by q, 1/s2."""
         self.dt = 0.0
         self._force, self._rates = fempetsc.create_vector(V), fem.Function(V)
+
+    @cached_property
+    def entries(self) -> tuple[Indices, Indices, Array]:
+        """Local rows, columns and values of the mass of this rank's cells, or of its unknowns where it is lumped."""
+        if self._lumped:
+            every = np.arange(self.mass.getLocalSize()[0])
+            return every, every, np.array(self.mass.getDiagonal().array_r)
+        part = fem.assemble_matrix(self._form).to_scipy(ghosted=True).tocoo()
+        there = part.data != 0.0
+        return part.row[there], part.col[there], part.data[there]
 
     def lump(self) -> Array:
         """Lumped mass of each local unknown: the diagonal of the mass matrix, scaled to keep its total.

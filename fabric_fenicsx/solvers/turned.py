@@ -12,22 +12,20 @@ from ..terms.term import Indices
 class Turned:
     """A matrix in V that does not couple displacements with directors, seen from W.
 
-    Public: `pattern`, global rows and columns in W of the entries that `add` adds; None where it does couple them, or
-    this rank does not know all directors that it couples.
+    Public: `pattern`, global rows and columns in W of the entries that `add` adds; None where it does couple them.
+
+    Args:
+        entries: local rows, columns and values in V; their sum over the ranks is the matrix.
     """
 
-    def __init__(self, space: ShellSpace, matrix: PETSc.Mat) -> None:
-        self._space = space
-        indptr, columns, values = matrix.getValuesCSR()
-        rows = np.repeat(np.arange(len(indptr) - 1), np.diff(indptr))
-        columns = space.V.dofmap.index_map.global_to_local(columns.astype(np.int64))
+    def __init__(self, space: ShellSpace, entries: tuple[Indices, Indices, Array]) -> None:
+        self._space, (rows, columns, values) = space, entries
         size = space.V.dofmap.index_map.size_local + space.V.dofmap.index_map.num_ghosts
         node, axis = np.full(size, -1), np.full(size, -1)
         node[space.nodes], axis[space.nodes] = np.arange(len(space.nodes))[:, None], np.arange(3)
         turns = node[rows] >= 0
         self.pattern: tuple[Indices, Indices] | None = None
-        # of several ranks, one does not know the directors of all columns of its rows
-        if (columns < 0).any() or (turns != (node[columns] >= 0)).any():
+        if (turns != (node[columns] >= 0)).any():
             return
         straight, places = ~turns, np.full(size, -1)
         places[space.displaced[:, 0]] = space.displaced[:, 1]
