@@ -229,7 +229,7 @@ class Collisions:
         return float(np.sqrt(self.set.compute_minimum_distance(self.mesh, self.met))) - self.offset
 
     def fastest(self, masses: Array) -> float:
-        """A bound of the largest stiffness over the masses (n,) of nodes, kg, 1/s2: as if all pairs were the nearest."""
+        """A bound of the largest stiffness over the masses (n,) of nodes, kg, 1/s2: as if all were the nearest."""
         fastest, gap = self.gaps.fastest(masses), max(self._apart(), 1e-12)
         if gap < self.reach:
             slope = PAIRS * -response(gap / self.reach)[2] * self.stiffness / self.reach
