@@ -2,7 +2,7 @@
 
     python demos/elbow.py --fabric soft --ease -10 --friction 0
     python demos/elbow.py --fabric muslin denim --ease 25 50 --film
-    python demos/elbow.py --fabric soft --thickness 5 --ease -10 --friction 0 --length 0.2 --cell 12 --converge
+    python demos/elbow.py --fabric soft --thickness 5 --friction 0 --angle 30 --about 25 5 --cell 12 --converge
 
 The moment is that against which the wearer bends; its work over the angle is stored in the cloth, lost in it and to
 friction, or released where folds snap. A fold that is not much longer than a cell is the mesh's, and so is the moment:
