@@ -9,7 +9,6 @@ being just large enough (`pivots`). A correction is shortened until E falls (Arm
 whole steps are tried first, and E may rise for a few (watchdog, Chamberlain et al. 1982, doi 10.1007/BFb0120945). In
 balance K is looked at again: where it has a negative pivot, the sheet goes along the lowest mode, as far as E falls,
 and descends from there. A balance after that which is no lower is taken: at a kink a pivot tells of one side only.
-
 After a whole step strains are unknowns of their own (`foreseen`), until whole steps have not let E fall.
 """
 
@@ -96,8 +95,7 @@ class StableSolver(StaticSolver):
 
     def _look(self) -> None:
         """Whether every term has a potential."""
-        self.residual(self.begin())
-        self.descends = bool(np.isfinite(self._energy()))
+        self.descends = bool(np.isfinite(self._at(self.begin())[1]))
         if self.descends:
             self._assume(True, OPTIONS)
 
@@ -122,8 +120,7 @@ class StableSolver(StaticSolver):
         return moved + iterations
 
     def _go_down(self) -> int:
-        x = self._x
-        b, E = self._at(x)
+        b, E = self._at(x := self._x)
         correction, escapes, rises, whole, lowest = np.inf, 0, 0, True, np.inf
         start: tuple[PETSc.Vec, float, PETSc.Vec] | None = None
         for iteration in range(self._most_iterations + 1):
@@ -165,8 +162,7 @@ class StableSolver(StaticSolver):
                 if np.isfinite(E):
                     continue
             if start is None and b.dot(p) > 0.0:
-                b, E = self._search(x, E, b, p)
-                whole = True
+                (b, E), whole = self._search(x, E, b, p), True
             else:
                 if start is not None:  # back to where energy was lowest, and from there down
                     (at, E, b), start, rises, whole = start, None, 0, False
