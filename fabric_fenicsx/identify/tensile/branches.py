@@ -14,6 +14,7 @@ LEAP = 0.2  # part of its range by which the force of no strip rises from one re
 SLIP = 0.05  # of the peak force: by more it falls while the strip is drawn, and grows again, in grips that slip
 STILL, STEEP = 0.01, 8.0  # of its range a reading moves in a stretch, at whose start its slope falls to so small a part
 LONG = 0.05  # of the range of displacement or force: a stretch in which the other one stands still
+FEWEST = 8  # readings of it
 FALL = 0.8  # a force that ends below this part of its peak, while the strip is still drawn, has passed yield
 
 
@@ -90,7 +91,8 @@ def _standing(record: Record, loading: np.ndarray) -> tuple[int, str]:
 def _still(x: Array, y: Array) -> int | None:
     """Index from which on y stands at its largest value while x goes on to its own, or None.
 
-    The end of a smooth curve is not meant, however flat: there the slope does not change at once.
+    The end of a smooth curve is not meant, however flat: there the slope does not change at once. Nor are fewer than
+    `FEWEST` readings.
     """
     span, way = float(np.ptp(y)), float(np.ptp(x))
     top = float(np.median(y[x >= x[-1] - LONG * way]))
@@ -98,7 +100,7 @@ def _still(x: Array, y: Array) -> int | None:
     below = np.flatnonzero(np.abs(y - top) > still)
     first = int(below[-1]) + 1 if len(below) else 0
     long = x[-1] - x[min(first, len(x) - 1)]
-    if len(y) - first < 8 or not long > LONG * way:
+    if len(y) - first < FEWEST or not long > LONG * way:
         return None
     before = (x > x[first] - long / 2) & (np.arange(len(x)) < first)
     if before.sum() < 2:
