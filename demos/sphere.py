@@ -29,8 +29,8 @@ G, ABOVE = 9.81, 5e-3
 def scene(args, comm=MPI.COMM_WORLD):
     """The sheet above the sphere, ready to fall, and their contact."""
     cloth, areal_mass = moving.square(meshing.MESHES / "drape.geo", args, moving.SIDE / args.cells, comm)
-    middle = cloth.domain.mesh.geometry.x
-    low, high = (comm.allreduce(pick(axis=0), op) for pick, op in ((middle.min, MPI.MIN), (middle.max, MPI.MAX)))
+    x = cloth.domain.mesh.geometry.x
+    low, high = np.min(comm.allgather(x.min(axis=0)), axis=0), np.max(comm.allgather(x.max(axis=0)), axis=0)
     ball = bodies.Sphere(args.radius, (*((low + high) / 2)[:2], -args.radius - ABOVE), name="ball")
     touch = Contact(cloth, [ball], friction=args.friction, stiffness=args.stiffness)
     command.say(f"contact: {touch.describe()}")
