@@ -49,7 +49,7 @@ FLOORS = [
             {"marching", "motion", "leading"},
             {"unknowns", "drag", "inertia"},
             {"statics", "foreseen"},
-            {"descent"},
+            {"descent", "search"},
             {"step", "stable_step", "stepper", "drifting"},
             {"newmark", "parts"},
             {"explicit"},

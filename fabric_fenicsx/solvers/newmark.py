@@ -24,19 +24,6 @@ from .stepper import Stepper
 # mass leaves no pivot null
 OPTIONS: dict[str, object] = {"snes_max_it": 30, "mat_mumps_icntl_24": None, "mat_mumps_icntl_13": None}
 """PETSc options over those of `statics`."""
-KINKS: dict[str, object] = {"snes_linesearch_type": "secant"}
-"""Where a term has kinks or is impulsive, as contact: a sheet that unloads is full of them, and full steps overshoot.
-
-Without either full steps are best: 6.8 s for an elastic sheet, 8.9 with bt and 12.2 with secant. In contact bt goes by
-the size of the residual, which full steps of a thin sheet that rolls off itself make larger on their way.
-"""
-DOWNHILL: dict[str, object] = {"snes_linesearch_type": "cp", "snes_linesearch_rtol": 0.5}
-"""Where they all have a potential: so has the step, with W + |u - u*|_M^2/2 of the inertia, and the residual along a
-correction is its slope. A whole step is taken where that has halved, else one to where the slope is zero.
-
-Newton iterations and residuals a step, drape of blend held over patches, 20 x 20: 4.2 and 7.1; secant 3.8 and 11.8, bt
-4.4 and 7.3, full steps 9.3 and 12. Poke of muslin: 4.4 and 6.0.
-"""
 
 
 class Newmark(Stepper):
@@ -70,11 +57,7 @@ class Newmark(Stepper):
     ) -> None:
         super().__init__(motion, residual, bcs, set_load, start)
         self.accuracy = accuracy
-        search = DOWNHILL if all([term.symmetric for term in self.terms]) else KINKS
-        kinks = search if any(term.has_kinks for term in self.terms) else {}
-        if not kinks and any(term.impulsive for term in self.terms):
-            kinks = KINKS
-        self.solver = MovingSolver(motion, self.terms, bcs, rtol=rtol, options=OPTIONS | kinks | (options or {}))
+        self.solver = MovingSolver(motion, self.terms, bcs, rtol=rtol, options=OPTIONS | (options or {}))
         self.fault: Exception | None = None
         self.iterations = self.cuts = 0
         self._part = 1.0
