@@ -63,10 +63,10 @@ The other rooms serve these: `surfaces.checking`, `surfaces.grouping` and `surfa
 the directors, `surfaces.placing` where a garment starts, `surfaces.outlines` its cells, `terms.kernels` and
 `terms.pairing` the stiffness, `solvers.tangent` and `solvers.turned` the matrix, `solvers.inertia` the mass,
 `solvers.stepper`, `solvers.step`, `solvers.stable_step`, `solvers.drifting` and `solvers.parts` the motions,
-`contact.skin`, `contact.kernels`, `contact.scattering`, `contact.surroundings`,
-`contact.triangles`, `contact.points`, `contact.shapes`, `contact.gaps`, `contact.pairs`, `contact.barrier`,
-`contact.friction`, `contact.pressure`, `contact.free_body` and `contact.free_bodies` contact, `terms.extra` and
-`solvers.unknowns` unknowns beside a sheet's,
+`contact.skin`, `contact.kernels`, `contact.scattering`, `contact.collisions`, `contact.surroundings`,
+`contact.triangles`, `contact.points`, `contact.shapes`, `contact.gaps`, `contact.facing`, `contact.pairs`,
+`contact.barrier`, `contact.friction`, `contact.pressure`, `contact.free_body` and `contact.free_bodies` contact,
+`terms.extra` and `solvers.unknowns` unknowns beside a sheet's,
 `garments.patterns`, `garments.dxf`, `garments.garmentcode` and `garments.outlines` patterns from files,
 `garments.limb` and `garments.implicit` the wearer, `solvers.leading` what leads,
 `solvers.held`, `solvers.zero_energy` and `solvers.drag` statics, `solvers.redundant` and `solvers.substructures`
@@ -85,8 +85,9 @@ short, each ends in an exact check, and are meant to be copied and changed.
 - **Contact** (`contact`) is asked for; else a sheet goes through itself and others. Planes, spheres and capsules that
   are large against a sheet's cells are exact; all else needs the extra `contact`. Without it, boxes and cylinders touch
   points of a sheet, and triangles between these dip into their edges. Bodies with mass touch the sheet only, not each
-  other; in statics there are none. Smoothed friction creeps. The pressure at a given gap varies with the cells of a
-  body of triangles, by a factor of 10 and more where they are finer than the sheet's (`contact.collisions`).
+  other; in statics there are none. Smoothed friction creeps. The pressure at a given gap is that of the stiffness on
+  flat bodies; pairs of edges add up to seven tenths on round ones and between layers, whatever the cells
+  (`contact.facing`).
 - **Failure.** Yarns do not break, yield, creep or relax: stress depends on strain and on its past, not on time.
 - **Beyond the tests.** A fabric is known up to the largest strain of its tests. From there its curves go on along their
   tangents, and a warning says so once.

@@ -17,7 +17,7 @@ from fabric_fenicsx import sheet
 from fabric_fenicsx.contact import bodies
 from fabric_fenicsx.contact.collisions import Collisions
 from fabric_fenicsx.contact.contact import Contact
-from fabric_fenicsx.contact.triangles import squares
+from fabric_fenicsx.contact.triangles import areas_of_corners, squares
 from fabric_fenicsx.errors import InputError, StepFailed
 from fabric_fenicsx.laws.svk import StVenantKirchhoff
 from fabric_fenicsx.solvers import statics
@@ -293,23 +293,67 @@ def test_edges_on_one_line_do_not_meet():
     assert near.free_part(x, x + 1e-5 * np.arange(24).reshape(8, 3)) == 1.0
 
 
-@pytest.mark.parametrize(
-    ("ratio", "low", "high"), [(8, 1.2, 1.8), (2, 2.5, 4), (1, 5, 10), (0.5, 7, 10), (0.25, 14, 19)]
-)
-def test_pressure_hangs_on_the_cells_of_a_body_as_the_docstring_says(ratio, low, high):
-    """At half the reach, over the stiffness: each crossing of two edges counts, of which fine bodies have many."""
+def flat(cells, size, turn=0.0, middle=(0.0, 0.0, 0.0)):
+    """Corners and triangles of a square of this size, turned about z."""
+    s = np.linspace(-size / 2, size / 2, cells + 1)
+    x = np.stack([*np.meshgrid(s, s, indexing="ij"), np.zeros((cells + 1, cells + 1))], axis=-1).reshape(-1, 3)
+    return x @ Rotation.from_rotvec([0, 0, turn]).as_matrix().T + middle, squares(cells + 1, cells + 1)
+
+
+def pressed(body, gap, slope=0.0):
+    """Pressure of a flat sheet of 20 mm cells at a gap, as a part of the reach, over the stiffness; all is inclined."""
+    rest, faces = flat(10, 0.2)
+    reach, frame = 2e-3, Rotation.from_rotvec([slope, 0.5 * slope, 0]).as_matrix()
+    body = bodies.Body(body.rest @ frame.T, body.faces, "body")
+    near = Collisions(rest, faces, [body], False, 4e-4, reach, 1.0)
+    near.place(np.concatenate([(rest + [0, 0, 4e-4 + gap * reach]) @ frame.T, body.rest]))
+    return -(near.gradient()[: len(rest)] @ frame)[:, 2].sum() / 0.2**2
+
+
+@pytest.mark.parametrize("slope", [0.0, 0.7])
+@pytest.mark.parametrize("turn", [0.0, 0.9])
+@pytest.mark.parametrize("ratio", [8, 2, 1, 0.5, 0.25, 0.125])
+def test_pressure_does_not_hang_on_the_cells_of_a_flat_body(ratio, turn, slope):
+    """At half the reach it is the stiffness; nearer it is that of the same barrier."""
     pytest.importorskip("ipctk")
-    rng = np.random.default_rng(0)
+    cells = int(np.ceil(0.5 / 0.02 / ratio))
+    table = bodies.Body(*flat(cells, cells * 0.02 * ratio, turn, (0.003, 0.001, 0.0)), "table")
+    assert pressed(table, 0.5, slope) == pytest.approx(1.0, abs=0.05)
+    assert pressed(table, 0.1, slope) == pytest.approx(4.7, rel=0.05)
 
-    def grid(n, size, turn=0.0):
-        s = np.linspace(-size / 2, size / 2, n + 1)
-        x = np.stack([*np.meshgrid(s, s, indexing="ij"), np.zeros((n + 1, n + 1))], axis=-1).reshape(-1, 3)
-        return x @ Rotation.from_rotvec([0, 0, turn]).as_matrix(), squares(n + 1, n + 1)
 
-    rest, faces = grid(10, 0.2)
-    count = int(np.ceil(0.5 / 0.02 / ratio))
-    below, triangles = grid(count, count * 0.02 * ratio, rng.uniform(0, np.pi))
-    table = bodies.Body(below + [0.003, 0.001, 0.0], triangles, "table")
-    near = Collisions(rest, faces, [table], False, 4e-4, 2e-3, 1.0)
-    near.place(np.concatenate([rest + [0, 0, 1.4e-3], table.rest]))
-    assert low < -near.gradient()[: len(rest), 2].sum() / 0.2**2 < high
+@pytest.mark.parametrize("cells", [1, 3, 8, 24])
+@pytest.mark.parametrize("turn", [0.0, 0.4])
+def test_pressure_on_a_box_does_not_hang_on_its_cells_and_ends_at_its_edges(cells, turn):
+    pytest.importorskip("ipctk")
+    large = bodies.Box((0.5, 0.5, 0.1), (0.01, 0.02, -0.05), (0, 0, turn), cells=cells)
+    small = bodies.Box((0.1, 0.1, 0.1), (0.003, 0.002, -0.05), (0, 0, turn), cells=cells)
+    half = bodies.Box((0.5, 0.5, 0.1), (0.25, 0.0, -0.05), cells=cells)
+    assert pressed(large, 0.5) == pytest.approx(1.0, abs=0.05)
+    assert 1.0 < 4 * pressed(small, 0.5) < 1.5, "within a cell of its edges it is more, since they press too"
+    assert 1.0 < 2 * pressed(half, 0.5) < 1.3
+
+
+@pytest.mark.parametrize("cells", [24, 48])
+@pytest.mark.parametrize("fine", [10, 40])
+def test_pressure_on_a_round_body_stays_below_twice_the_stiffness(cells, fine):
+    """A cap of sheet, at half the reach all over; the triangles of a ball are somewhat inside it."""
+    pytest.importorskip("ipctk")
+    radius, ball = 0.15, bodies.Sphere(0.15, (0, 0, -0.15), cells=cells)
+    x, faces = flat(fine, 0.06, 0.2)
+    x[:, 2] = np.sqrt((radius + 1.4e-3) ** 2 - np.sum(x**2, axis=1)) - radius
+    near = Collisions(x, faces, [bodies.Body(ball.rest, ball.faces, "ball")], False, 4e-4, 2e-3, 1.0)
+    near.place(np.concatenate([x, ball.rest]))
+    outward = (x + [0, 0, radius]) / (radius + 1.4e-3)
+    assert 1.0 < -np.sum(near.gradient()[: len(x)] * outward) / areas_of_corners(x, faces).sum() < 2.0
+
+
+@pytest.mark.parametrize("turn", [0.0, 0.4])
+@pytest.mark.parametrize("cells", [10, 13, 23])
+def test_pressure_of_two_layers_stays_below_twice_the_stiffness(cells, turn):
+    pytest.importorskip("ipctk")
+    (a, below), (b, above) = flat(10, 0.2), flat(cells, 0.2, turn, (0, 0, 1.4e-3))
+    rest, faces = np.concatenate([a, b]), np.concatenate([below, above + len(a)])
+    near = Collisions(rest, faces, [], True, 4e-4, 2e-3, 1.0)
+    near.place(rest.copy())
+    assert 1.0 < -near.gradient()[len(a) :, 2].sum() / 0.2**2 < 1.7

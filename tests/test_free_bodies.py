@@ -95,7 +95,7 @@ def test_the_tangent_is_exact_with_bodies_that_touch(turns):
     start, change = solver.residual(x).copy(), x.duplicate()
     solver.factorised().getOperators()[0].mult(way, change)
     left = []
-    for step in 0.1 * 0.5 ** np.arange(4):
+    for step in 0.05 * 0.5 ** np.arange(4):
         rest = (solver.residual(x + way * float(step)) - start - change * float(step)).array_r
         left.append([np.linalg.norm(rest[free]), np.linalg.norm(rest[n:])])
     orders = np.log2(np.array(left[:-1]) / left[1:])

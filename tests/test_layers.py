@@ -72,7 +72,7 @@ FLOORS = [
             {"triangles", "skin", "kernels", "scattering"},
             {"bodies"},
             {"coefficients", "free_body", "shapes", "points"},
-            {"gaps", "deforming", "free_bodies"},
+            {"gaps", "facing", "deforming", "free_bodies"},
             {"collisions"},
             {"surroundings", "pressure"},
             {"pairs"},

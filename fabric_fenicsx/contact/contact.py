@@ -149,7 +149,7 @@ class Contact:
         for one in near.gaps.near:
             if one.shape.body is body:
                 found[one.grid.nodes[one.points][one.grid.shares[one.points] > 0.0]] = True
-        for _, nodes in near.pairs():
+        for nodes, _, _ in near.pushes():
             if ((nodes >= part.start) & (nodes < part.stop)).any():
                 found[nodes[nodes < near.count]] = True
         return found

@@ -10,6 +10,7 @@ import numpy as np
 
 from ..laws import Array
 from .coefficients import Coefficients
+from .facing import Facing
 from .gaps import Near
 from .pairs import Blocks, PairTerm
 from .surroundings import Surroundings
@@ -29,7 +30,9 @@ class Friction(PairTerm):
         self._coefficients, self._slip, self._creep = coefficients, slip, creep
         self._length, self._lost, self._kit = creep, 0.0, around.collisions.kit
         if self._kit is not None:
-            self._law, self._pairs = self._kit.FrictionPotential(creep), self._kit.TangentialCollisions()
+            self._law = self._kit.FrictionPotential(creep)
+        self._pairs: list[tuple[Facing, Any, Any]] = []
+        """What touches each other, the potential that presses, and the pairs that rub."""
         self._at: tuple[Array, Array] | None = None
         self._force: Array = np.zeros(around.x0.shape)
 
@@ -45,41 +48,50 @@ class Friction(PairTerm):
         near, x0 = self._around.collisions, self._around.x0
         if self._at is None or self._at[0] is not near.x or self._at[1] is not x0:
             self._at, force = (near.x, x0), np.zeros(near.x.shape)
-            if len(near.set):
-                mu = self._coefficients.static[0], self._coefficients.kinetic[0]
-                self._pairs.build(near.mesh, near.met, near.set, near.barrier, *mu)
+            self._pairs = self._rubbing([(facing, facing.x, facing.sets) for facing in near.facings])
+            for facing, law, pairs in self._pairs:
                 if not self._coefficients.uniform:
-                    self._orient()
-                force[: len(near.met)] = -self._law.force(*self._arguments()).reshape(-1, 3)
+                    self._orient(facing, pairs)
+                rubbed = self._law.force(pairs, facing.mesh, *self._ways(facing), law, facing.offset)
+                force[facing.which] -= rubbed.reshape(-1, 3)
             closed = near.gaps.friction(near.x, x0, self._length, self._coefficients, False, self._around.still)
             near.gaps.add([push for push, _ in closed], force)
             self._force = force
         return self._force
 
-    def _orient(self) -> None:
+    def _rubbing(self, sets: list[tuple[Facing, Array, list[Any]]]) -> list[tuple[Facing, Any, Any]]:
+        """Of what is near to each other at its places, the pairs that rub."""
+        mu, rubbing = (self._coefficients.static[0], self._coefficients.kinetic[0]), []
+        for facing, x, normal in sets:
+            for found, law in zip(normal, facing.barriers, strict=True):
+                if len(found):
+                    pairs = self._kit.TangentialCollisions()
+                    pairs.build(facing.mesh, x, found, law, *mu)
+                    rubbing.append((facing, law, pairs))
+        return rubbing
+
+    def _orient(self, facing: Facing, found: Any) -> None:
         """Give each pair the coefficients along its way. Their derivative is not in the matrix of pairs."""
-        near, pairs = self._around.collisions, [self._pairs[k] for k in range(len(self._pairs))]
-        slid, x, places = near.met - self._around.x0[: len(near.met)], near.nodes, (near.edges, near.faces)
+        pairs, places = [found[k] for k in range(len(found))], (facing.edges, facing.faces)
+        slid, x = np.asfortranarray(facing.x - self._around.x0[facing.which]), facing.x
         nodes = np.array([pair.vertex_ids(*places) for pair in pairs]).reshape(-1, 4)
-        slid = np.asfortranarray(slid)
         ways = np.array([pair.relative_velocity(pair.dof(slid, *places)) for pair in pairs]).reshape(-1, 3)
         bases = np.array([pair.tangent_basis for pair in pairs]).reshape(-1, 3, 2)
         ways = np.einsum("pik,pjk,pj->pi", bases, bases, ways)
         weights = np.zeros(nodes.shape)
         for k, pair in enumerate(pairs):
-            weights[k, : pair.num_vertices()] = np.abs(pair.compute_coefficients(pair.dof(near.met, *places)))
-        weights[(nodes < 0) | (nodes >= near.count)] = 0.0
-        every = np.where((nodes < 0) | (nodes >= near.count), 0, nodes).ravel()
-        mu, _ = self._coefficients.along(every, np.repeat(ways, 4, axis=0), x)
+            weights[k, : pair.num_vertices()] = np.abs(pair.compute_coefficients(pair.dof(x, *places)))
+        weights[(nodes < 0) | (nodes >= facing.count)] = 0.0
+        every = np.where((nodes < 0) | (nodes >= facing.count), 0, nodes).ravel()
+        mu, _ = self._coefficients.along(every, np.repeat(ways, 4, axis=0), x[: facing.count])
         mean = np.sum(mu.reshape(2, -1, 4) * weights, axis=2) / weights.sum(axis=1)
         for pair, static, kinetic in zip(pairs, *mean, strict=True):
             pair.mu_s_effective_lagged, pair.mu_k_effective_lagged = static, kinetic
 
-    def _arguments(self) -> tuple[Any, ...]:
-        near = self._around.collisions
-        x, x0 = near.met, self._around.x0[: len(near.met)]
-        still = np.zeros(x.shape, order="F")
-        return self._pairs, near.mesh, x, still, np.asfortranarray(x - x0), near.barrier, near.offset
+    def _ways(self, facing: Facing) -> tuple[Array, Array, Array]:
+        """Present places, no way before, and the way since the last commit."""
+        still = np.zeros(facing.x.shape, order="F")
+        return facing.x, still, np.asfortranarray(facing.x - self._around.x0[facing.which])
 
     def _blocks(self) -> Blocks:
         near = self._around.collisions
@@ -88,13 +100,12 @@ class Friction(PairTerm):
 
     def _matrices(self) -> list[Any]:
         self._forces()
-        near = self._around.collisions
         found: list[Any] = []
-        if len(near.set):
-            *first, offset = self._arguments()
+        for facing, law, pairs in self._pairs:
             by = type(self._law).DiffWRT
             for wrt in (by.VELOCITIES, by.LAGGED_DISPLACEMENTS):
-                found.append(-self._law.force_jacobian(*first, wrt, offset))
+                own = self._law.force_jacobian(pairs, facing.mesh, *self._ways(facing), law, wrt, facing.offset)
+                found.append(facing.of_all(-own))
         return found
 
     def energy(self) -> float:
@@ -133,26 +144,27 @@ class Lagged(Friction):
     _since: Array | None = None
     _start: list[Near]
 
-    def _slid(self) -> Array:
-        """How far all corners have gone that the toolkit sees; `_pairs` and `_start` are then those of the start."""
+    def _slid(self) -> None:
+        """Let `_pairs` and `_start` be those of the start of the step."""
         near, x0 = self._around.collisions, self._around.x0
         if self._since is not x0:
             self._since, self._start = x0, near.gaps.look(x0)
-            if self._kit is not None:
-                start, mu = np.asfortranarray(x0[: len(near.met)]), self._coefficients
-                found = near.at(start)
-                self._pairs.build(near.mesh, start, found, near.barrier, mu.static[0], mu.kinetic[0])
-        return np.asfortranarray(near.met - x0[: len(near.met)]) if self._kit is not None else near.met[:0]
+            sets = [(facing, np.asfortranarray(x0[facing.which]), facing.at(x0)) for facing in near.facings]
+            self._pairs = self._rubbing(sets)
+
+    def _way(self, facing: Facing) -> Array:
+        return np.asfortranarray(facing.x - self._around.x0[facing.which])
 
     def _in_closed_form(self) -> list[tuple[float, Array, Array]]:
         near, mu = self._around.collisions, (self._coefficients.static[0], self._coefficients.kinetic[0])
         return near.gaps.lagged(self._start, near.x, self._around.x0, self._length, mu)
 
     def _forces(self) -> Array:
-        slid, near = self._slid(), self._around.collisions
+        self._slid()
+        near = self._around.collisions
         total = np.zeros(near.x.shape)
-        if len(slid) and len(self._pairs):
-            total[: len(slid)] = self._law.gradient(self._pairs, near.mesh, slid).reshape(-1, 3)
+        for facing, _, pairs in self._pairs:
+            total[facing.which] += self._law.gradient(pairs, facing.mesh, self._way(facing)).reshape(-1, 3)
         near.gaps.add([force for _, force, _ in self._in_closed_form()], total, self._start)
         return total
 
@@ -161,15 +173,15 @@ class Lagged(Friction):
         return [(one, change) for one, (_, _, change) in zip(self._start, self._in_closed_form(), strict=True)]
 
     def _matrices(self) -> list[Any]:
-        slid, near = self._slid(), self._around.collisions
-        return [self._law.hessian(self._pairs, near.mesh, slid)] if len(slid) and len(self._pairs) else []
+        self._slid()
+        each = [(facing, self._law.hessian(pairs, facing.mesh, self._way(facing))) for facing, _, pairs in self._pairs]
+        return [facing.of_all(own) for facing, own in each]
 
     def potential(self) -> float:
         """See `Term.potential`."""
-        slid, near = self._slid(), self._around.collisions
+        self._slid()
         if not self._first:
             return 0.0
-        stored = sum(part for part, _, _ in self._in_closed_form())
-        if len(slid) and len(self._pairs):
-            stored += float(self._law(self._pairs, near.mesh, slid))
-        return stored
+        closed = sum(part for part, _, _ in self._in_closed_form())
+        each = [self._law(pairs, facing.mesh, self._way(facing)) for facing, _, pairs in self._pairs]
+        return float(closed + sum(each))

@@ -20,28 +20,20 @@ def pressures(near: Collisions) -> Array:
     np.add.at(normals, faces, across[:, None])
     area = np.bincount(faces.ravel(), np.repeat(np.linalg.norm(across, axis=1) / 6, 3), minlength=len(x))
     sides = np.zeros((2, len(x)))
-    for nodes, force in [*_of_pairs(near), *_of_gaps(near)]:
-        side = (np.einsum("ij,ij->i", force, normals[nodes]) > 0.0).astype(int)
-        np.add.at(sides, (side, nodes), np.linalg.norm(force, axis=1))
+    for nodes, force, sign in [*near.pushes(), *_of_gaps(near)]:
+        side = (np.einsum("ij,ij->i", sign * force, normals[nodes]) > 0.0).astype(int)
+        np.add.at(sides, (side, nodes), sign * np.linalg.norm(force, axis=1))
     bodies = near.corners[len(near.corners) - near.shaped :]
     return np.concatenate(
         [sides.max(axis=0) / area, *(near.gaps.pressure(k, near.x[part]) for k, part in enumerate(bodies))]
     )
 
 
-def _of_pairs(near: Collisions) -> list[tuple[np.ndarray, Array]]:
-    found = []
-    for pair, nodes in near.pairs():
-        push = near.barrier.gradient(pair, pair.dof(near.met, near.edges, near.faces))
-        found.append((nodes, push.reshape(-1, 3)))
-    return found
-
-
-def _of_gaps(near: Collisions) -> list[tuple[np.ndarray, Array]]:
+def _of_gaps(near: Collisions) -> list[tuple[np.ndarray, Array, float]]:
     every = zip(near.gaps.near, near.gaps.forces(), strict=True)
     found = []
     for one, force in every:
         if len(force):
-            found.append((np.arange(near.count), np.zeros((near.count, 3))))
+            found.append((np.arange(near.count), np.zeros((near.count, 3)), 1.0))
             one.spread(force, found[-1][1])
     return found
