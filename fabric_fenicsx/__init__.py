@@ -62,8 +62,9 @@ The other rooms serve these: `surfaces.checking`, `surfaces.grouping` and `surfa
 `surfaces.abaqus_lines`, `surfaces.abaqus_parts` and `surfaces.polygon_files`; `shell.rotation` and `shell.dirichlet`
 the directors, `surfaces.placing` where a garment starts, `surfaces.outlines` its cells, `terms.kernels` and
 `terms.pairing` the stiffness, `solvers.tangent` and `solvers.turned` the matrix, `solvers.inertia` the mass,
-`solvers.stepper`, `solvers.step`, `solvers.stable_step`, `solvers.drifting` and `solvers.parts` the motions,
-`contact.skin`, `contact.kernels`, `contact.scattering`, `contact.collisions`, `contact.surroundings`,
+`solvers.stepper`, `solvers.step`, `solvers.search`, `solvers.stable_step`, `solvers.drifting` and `solvers.parts` the
+motions,
+`contact.skin`, `contact.kernels`, `contact.scattering`, `contact.surroundings`,
 `contact.triangles`, `contact.points`, `contact.shapes`, `contact.gaps`, `contact.facing`, `contact.pairs`,
 `contact.barrier`, `contact.friction`, `contact.pressure`, `contact.free_body` and `contact.free_bodies` contact,
 `terms.extra` and `solvers.unknowns` unknowns beside a sheet's,
