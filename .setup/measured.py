@@ -39,7 +39,7 @@ def write(name):
     page, worst = PAGES[name], 0
     git = partial(subprocess.run, cwd=ROOT, capture_output=True, text=True, check=False)
     commit = git(["git", "describe", "--always"]).stdout.strip()
-    if git(["git", "diff", "--quiet", "HEAD", "--", ".", ":!.readme/*.md"]).returncode:  # the pages are no code
+    if git(["git", "diff", "--quiet", "HEAD", "--", ".", ":!*.md"]).returncode:  # the pages are no code
         commit += "-dirty"
     text = f"# {page['title']}\n\n{page['text'].strip()}\n\n"
     text += f"Written by `python .setup/measured.py {name}` at {commit} on {os.cpu_count()} cores; {QUIET}.\n"
