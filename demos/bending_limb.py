@@ -196,7 +196,7 @@ def arguments(doc, **defaults):
         "--skin", type=command.above_zero, help="size of the skin's triangles, mm; by default 0.8 cells"
     )
     parser.add_argument("--reach", type=command.above_zero, default=2.0, help="of contact, mm")
-    parser.add_argument("--stiffness", type=command.above_zero, default=100.0, help="of contact, kPa")
+    parser.add_argument("--stiffness", type=command.above_zero, default=700.0, help="of contact, kPa")
     parser.add_argument("--itself", action="store_true", help="the cloth touches itself, too")
     parser.add_argument("--rtol", type=command.above_zero, default=1e-3, help="of the balance")
     parser.add_argument(
