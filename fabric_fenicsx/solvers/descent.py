@@ -9,6 +9,7 @@ being just large enough (`pivots`). A correction is shortened until E falls (Arm
 whole steps are tried first, and E may rise for a few (watchdog, Chamberlain et al. 1982, doi 10.1007/BFb0120945). In
 balance K is looked at again: where it has a negative pivot, the sheet goes along the lowest mode, as far as E falls,
 and descends from there. A balance after that which is no lower is taken: at a kink a pivot tells of one side only.
+
 After a whole step strains are unknowns of their own (`foreseen`), until whole steps have not let E fall.
 """
 
@@ -120,7 +121,8 @@ class StableSolver(StaticSolver):
         return moved + iterations
 
     def _go_down(self) -> int:
-        b, E = self._at(x := self._x)
+        x = self._x
+        b, E = self._at(x)
         correction, escapes, rises, whole, lowest = np.inf, 0, 0, True, np.inf
         start: tuple[PETSc.Vec, float, PETSc.Vec] | None = None
         for iteration in range(self._most_iterations + 1):
@@ -162,7 +164,8 @@ class StableSolver(StaticSolver):
                 if np.isfinite(E):
                     continue
             if start is None and b.dot(p) > 0.0:
-                (b, E), whole = self._search(x, E, b, p), True
+                b, E = self._search(x, E, b, p)
+                whole = True
             else:
                 if start is not None:  # back to where energy was lowest, and from there down
                     (at, E, b), start, rises, whole = start, None, 0, False
@@ -192,8 +195,7 @@ class StableSolver(StaticSolver):
         """From x along -p to a lower energy: residual and energy there."""
         origin, part = x.copy(), 1.0
         while part > 1e-10:
-            origin.copy(x)
-            x.axpy(-part, p)
+            x.waxpy(-part, p, origin)
             new, energy = self._at(x)
             if self._falls(energy, new, E, b, x - origin):
                 return new, energy
@@ -287,14 +289,12 @@ class StableSolver(StaticSolver):
             most = 1023.0 * self.longest_step(1023.0 * ahead)
             part = first = min(1.0, most)
             while part <= most:
-                origin.copy(x)
-                x.axpy(part, ahead)
+                x.waxpy(part, ahead, origin)
                 energy = self._at(x)[1]
                 if not energy < E:
                     break
                 best, E, part = part, energy, 2.0 * part
             if best:
                 break
-        origin.copy(x)
-        x.axpy(best or first, ahead)
+        x.waxpy(best or first, ahead, origin)
         return self._at(x)

@@ -62,8 +62,8 @@ class CentralDifference(InParts):
             motion.space.supports(bcs)
             self.q.x.array[:] += motion.space.function().x.array - start
         self._split()
-        self._now = self._given_v = self._given_a = np.zeros(len(motion.given))
-        self._known_given = False
+        self._given_v = self._given_a = np.zeros(len(motion.given))
+        self._given_q: Array | None = None  # where nothing is led, found once for each `every`
         self.directors = np.empty((0, 3), dtype=np.int32) if motion.space is None else motion.space.nodes
         self._displacements = np.setdiff1d(np.arange(len(self.q.x.array), dtype=np.int32), self.directors.ravel())
         self._drifting, self._turning = self._displacements, self.directors
@@ -187,10 +187,9 @@ class CentralDifference(InParts):
 
     def _move_supports(self, dt: float) -> None:
         """Given values at the present time, and their velocity and acceleration."""
-        if not self._still or not self._known_given:
-            self._now, self._given_v, self._given_a = self.given_motion(self.time, dt)
-            self._known_given = True
-        self._of_q[self.motion.given] = self._now
+        if not self._still or self._given_q is None:
+            self._given_q, self._given_v, self._given_a = self.given_motion(self.time, dt)
+        self._of_q[self.motion.given] = self._given_q
 
     def begin(self, dt: float) -> None:
         """Find the acceleration with which the motion starts, its supports led over a step of dt (s)."""
@@ -223,7 +222,7 @@ class CentralDifference(InParts):
             for _ in range(steps):
                 clock, begun = time.perf_counter(), self.time
                 check(self._bcs, self.V)
-                self._known_given = False
+                self._given_q = None
                 parts = self._divide(every, dt)
                 if not self._began:
                     self.begin(every / parts)

@@ -18,10 +18,7 @@ class Redundant:
     """
 
     def __init__(self, prefix: str) -> None:
-        self.ksp = PETSc.KSP().create(PETSc.COMM_SELF)
-        self.ksp.setOptionsPrefix(prefix)
-        self.ksp.setFromOptions()
-        self.ksp.setType("preonly")
+        self.ksp = alone(prefix)
         self._shared: PETSc.Mat | None = None
         self._whole: list[PETSc.Mat] | None = None
 
@@ -32,11 +29,7 @@ class Redundant:
             self._release()
             self._shared = A
         every = PETSc.IS().createStride(A.size[0], step=1, comm=PETSc.COMM_SELF)
-        self._whole = A.createSubMatrices([every], [every], self._whole)
-        self._whole[0].stateIncrease()  # which PETSc forgets
-        for option in (PETSc.Mat.Option.SYMMETRIC, PETSc.Mat.Option.SYMMETRY_ETERNAL):
-            self._whole[0].setOption(option, self.ksp.getPC().getType() == "cholesky")
-        self.ksp.setOperators(self._whole[0])
+        self._whole = gather(self.ksp, A, every, self._whole)
         self.ksp.setUp()
         pc.setFailedReason(self.ksp.getPC().getFailedReason())
 
@@ -61,6 +54,25 @@ class Redundant:
         for matrix in [*(self._whole or []), *([self._shared] if self._shared else [])]:
             matrix.destroy()
         self._shared = self._whole = None
+
+
+def alone(prefix: str) -> PETSc.KSP:
+    """A solver of one rank by factors, of these options."""
+    ksp = PETSc.KSP().create(PETSc.COMM_SELF)
+    ksp.setOptionsPrefix(prefix)
+    ksp.setFromOptions()
+    ksp.setType("preonly")
+    return ksp
+
+
+def gather(ksp: PETSc.KSP, A: PETSc.Mat, every: PETSc.IS, last: list[PETSc.Mat] | None) -> list[PETSc.Mat]:
+    """Give a solver of one rank the part of a shared matrix at these unknowns; last: what this has returned before."""
+    part = A.createSubMatrices([every], [every], last)
+    part[0].stateIncrease()  # which PETSc forgets
+    for option in (PETSc.Mat.Option.SYMMETRIC, PETSc.Mat.Option.SYMMETRY_ETERNAL):
+        part[0].setOption(option, ksp.getPC().getType() == "cholesky")
+    ksp.setOperators(part[0])
+    return part
 
 
 def own(ksp: PETSc.KSP) -> PETSc.KSP:

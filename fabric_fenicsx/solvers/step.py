@@ -82,7 +82,8 @@ class MovingSolver(StaticSolver):
         """
         rule = self.motion
         force = rule.weigh(rule.acceleration.x.array - rule.accepted["a"])
-        force += self.impulses * self._late()
+        if rule.impulsive:
+            force += self.impulses * self._late()
         force[rule.given[rule.given < len(force)]] = 0.0
         size = np.sqrt(self.comm.allreduce(float(force @ force)))
         return float(size * abs((1.0 - rule.alpha_m) / 2 + rule.beta - 1 / 6) / rule.beta)
@@ -90,8 +91,6 @@ class MovingSolver(StaticSolver):
     def _late(self) -> np.ndarray:
         """Forces of impulsive terms at this rank's own unknowns of q."""
         own, late = self._unknowns, [term for term in self.terms if term.impulsive]
-        if not late:
-            return np.zeros(own.of_q.local_size)
         every = own.force.copy()
         own.add_up(terms=late)
         found = np.array(own.of_q.array_r)
@@ -100,10 +99,10 @@ class MovingSolver(StaticSolver):
 
     def _shorten(self, x: PETSc.Vec, correction: PETSc.Vec) -> None:
         """As of `StaticSolver`, and to where the residual along the correction is small, see `search`."""
-        b = self.snes.getFunction()[0].copy()
         super()._shorten(x, correction)
         if not self._searches:
             return
+        b = self.snes.getFunction()[0].copy()
         whole, tried, there = correction.copy(), x.duplicate(), b.duplicate()
 
         def slope(part: float) -> float:

@@ -13,7 +13,7 @@ from mpi4py import MPI
 from petsc4py import PETSc
 
 from ..laws import Array
-from .redundant import Redundant
+from .redundant import Redundant, alone, gather
 
 LONG = 20.0
 """Most unknowns of an interface, over the cube root of all; beyond, its dense factors would be a good part of all."""
@@ -34,12 +34,9 @@ class Substructures:
 
     def __init__(self, prefix: str, whole: float) -> None:
         self._prefix, self._whole = prefix, whole
-        self.ksp, self._dense = (PETSc.KSP().create(PETSc.COMM_SELF) for _ in range(2))
-        self.ksp.setOptionsPrefix(prefix)
-        self.ksp.setFromOptions()
+        self.ksp, self._dense = alone(prefix), PETSc.KSP().create(PETSc.COMM_SELF)
         self._dense.getPC().setType("lu")
-        for ksp in (self.ksp, self._dense):
-            ksp.setType("preonly")
+        self._dense.setType("preonly")
         self._shared: PETSc.Mat | None = None
         self._part: list[PETSc.Mat] | None = None
         self._other: PETSc.PC | None = None  # where the interface is too long, or there is none
@@ -59,11 +56,7 @@ class Substructures:
             pc.setFailedReason(self._other.getFailedReason())
             return
         comm, inner = A.comm.tompi4py(), self.ksp.getPC()
-        self._part = A.createSubMatrices([self._every], [self._every], self._part)
-        self._part[0].stateIncrease()  # which PETSc forgets
-        for option in (PETSc.Mat.Option.SYMMETRIC, PETSc.Mat.Option.SYMMETRY_ETERNAL):
-            self._part[0].setOption(option, inner.getType() == "cholesky")
-        self.ksp.setOperators(self._part[0])
+        self._part = gather(self.ksp, A, self._every, self._part)
         if self._fresh:
             inner.setFactorSetUpSolverType()
             at = PETSc.IS().createGeneral(self._outer.astype(PETSc.IntType), comm=PETSc.COMM_SELF)
