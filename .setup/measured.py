@@ -4,7 +4,7 @@
     python .setup/measured.py shell lean     # run those of two pages; --all: of every page, an hour and more
 
 The commands stand in .readme/measured.toml. A page says what it was run with; a command that ends with a status other
-than 0 is kept with its status, and so does this script. README's table has the columns that a page names so.
+than 0 is kept with its status, and so does this script. Of a page with `readme`, these columns are README's table.
 """
 
 import argparse

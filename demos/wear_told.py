@@ -27,29 +27,31 @@ def same(coarse, fine, about):
     return max(map(abs, change)) <= SAME
 
 
+def _off(table):
+    """How far the work of the moment is off that of all forces at most, over the largest of that."""
+    work = table.column("work_J")
+    paid = measures.work(table.column("angle_deg"), table.column("moment_Nm")) + table.column("onset_J")
+    return np.abs(paid - work).max() / np.abs(work).max()
+
+
 def good(table):
     """Whether nothing passes, moments do the work of all forces, and none is made, nor lost by what is elastic."""
-    work, released = table.column("work_J"), table.column("released_J")
-    most = np.abs(work).max()
-    paid = measures.work(table.column("angle_deg"), table.column("moment_Nm")) + table.column("onset_J")
+    released, most = table.column("released_J"), np.abs(table.column("work_J")).max()
     good = not table.column("crossed").any() and released.min() >= -0.01 * most
     if not (table.column("dissipated_J").any() or table.column("friction_J").any()):
         good &= np.abs(released - table.column("snapped_J")).max() <= 0.01 * most
-    return bool(good and np.abs(paid - work).max() <= 0.01 * most)
+    return bool(good and _off(table) <= 0.01)
 
 
 def say(name, table, joint):
     """What is told of one fabric and fit, in a line."""
-    angle, moment, last = table.column("angle_deg"), table.column("moment_Nm"), table.rows[-1]
-    paid = measures.work(angle, moment) + table.column("onset_J")
-    work = table.column("work_J")
-    agree = np.abs(paid - work).max() / np.abs(work).max()
+    angle, last = table.column("angle_deg"), table.rows[-1]
     count, cuts, seconds = (table.column(column).sum() for column in ("newton_iterations", "step_cuts", "cpu_s"))
     way = f"{joint} to {angle.max():.0f} degrees" + " and back" * int(angle[-1] < angle.max())
     command.say(
         f"{name}: {way} in {len(angle) - 1} steps, {count:g} iterations, {cuts:g} cuts, {seconds:.0f} s of processor; "
         "moment over the angle off the work of all forces by "
-        f"{100 * agree:.2f} %; slip {1e3 * last['slip_mean_m']:.1f} mm on average, the skin stretches by "
+        f"{100 * _off(table):.2f} %; slip {1e3 * last['slip_mean_m']:.1f} mm on average, the skin stretches by "
         f"{100 * table.column('strain_skin').max():.0f} %"
     )
 

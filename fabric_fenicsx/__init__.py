@@ -44,6 +44,7 @@ Rooms, in the order in which a scene goes through them, and their names; each ro
 - `contact.contact`: of a sheet with bodies and with itself: `Contact`; `contact.bodies`: `Plane`, `Sphere`, `Cylinder`,
   `Capsule`, `Box`, `Ring`, `Surface`; `contact.coefficients`: friction: `coulomb`, `start_of_slip`
 - `contact.deforming`: bodies as frames tell: `Deforming`; `contact.collisions`: pairs that are near: `Collisions`
+- `contact.triangles`: of a grid: `squares`
 - `garments.panels`: of a pattern: `Panel`, `Edge`, `Flat`, `Rolled`; `garments.sewing`: `sew`, `Seam`, `Garment`
 - `garments.dressing`: onto the body, and from there on: `Dressing`, `worn`
 - `garments.limbs`: who wears it: `arm`, `leg`; `garments.hips`: `hips`; `garments.torso`: `Torso`; `garments.human`:
@@ -65,7 +66,7 @@ the directors, `surfaces.placing` where a garment starts, `surfaces.outlines` it
 `solvers.stepper`, `solvers.step`, `solvers.search`, `solvers.stable_step`, `solvers.drifting` and `solvers.parts` the
 motions,
 `contact.skin`, `contact.kernels`, `contact.scattering`, `contact.surroundings`,
-`contact.triangles`, `contact.points`, `contact.shapes`, `contact.gaps`, `contact.facing`, `contact.pairs`,
+`contact.points`, `contact.shapes`, `contact.gaps`, `contact.facing`, `contact.pairs`,
 `contact.barrier`, `contact.friction`, `contact.pressure`, `contact.free_body` and `contact.free_bodies` contact,
 `terms.extra` and `solvers.unknowns` unknowns beside a sheet's,
 `garments.patterns`, `garments.dxf`, `garments.garmentcode` and `garments.outlines` patterns from files,

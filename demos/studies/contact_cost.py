@@ -32,6 +32,7 @@ import studies
 
 from fabric_fenicsx.app import command
 from fabric_fenicsx.contact import collisions
+from fabric_fenicsx.contact.triangles import squares
 from fabric_fenicsx.output import results
 from fabric_fenicsx.terms.term import Term
 
@@ -120,8 +121,7 @@ def found(cells, cell=10e-3, reach=2e-3):
     x, y = (grid.ravel() for grid in np.meshgrid(*2 * [cell * np.arange(n)]))
     lower, upper = np.stack([x, y, 0 * x], axis=1), np.stack([c * x - s * y, s * x + c * y, 0 * x + reach / 2], axis=1)
     rest = np.concatenate([lower, upper])
-    a = (n * np.arange(cells)[:, None] + np.arange(cells)).ravel()
-    sheet = np.concatenate([np.stack([a, a + 1, a + n + 1], axis=1), np.stack([a, a + n + 1, a + n], axis=1)])
+    sheet = squares(n, n)
     pairs = collisions.Collisions(rest, np.concatenate([sheet, sheet + n * n]), [], True, 0.0, reach, 1.0)
     clock = time.process_time()
     pairs.place(rest)

@@ -73,7 +73,7 @@ class Friction(PairTerm):
     def _orient(self, facing: Facing, found: Any) -> None:
         """Give each pair the coefficients along its way. Their derivative is not in the matrix of pairs."""
         pairs, places = [found[k] for k in range(len(found))], (facing.edges, facing.faces)
-        slid, x = np.asfortranarray(facing.x - self._around.x0[facing.which]), facing.x
+        slid, x = self._way(facing), facing.x
         nodes = np.array([pair.vertex_ids(*places) for pair in pairs]).reshape(-1, 4)
         ways = np.array([pair.relative_velocity(pair.dof(slid, *places)) for pair in pairs]).reshape(-1, 3)
         bases = np.array([pair.tangent_basis for pair in pairs]).reshape(-1, 3, 2)
@@ -90,8 +90,10 @@ class Friction(PairTerm):
 
     def _ways(self, facing: Facing) -> tuple[Array, Array, Array]:
         """Present places, no way before, and the way since the last commit."""
-        still = np.zeros(facing.x.shape, order="F")
-        return facing.x, still, np.asfortranarray(facing.x - self._around.x0[facing.which])
+        return facing.x, np.zeros(facing.x.shape, order="F"), self._way(facing)
+
+    def _way(self, facing: Facing) -> Array:
+        return np.asfortranarray(facing.x - self._around.x0[facing.which])
 
     def _blocks(self) -> Blocks:
         near = self._around.collisions
@@ -151,9 +153,6 @@ class Lagged(Friction):
             self._since, self._start = x0, near.gaps.look(x0)
             sets = [(facing, np.asfortranarray(x0[facing.which]), facing.at(x0)) for facing in near.facings]
             self._pairs = self._rubbing(sets)
-
-    def _way(self, facing: Facing) -> Array:
-        return np.asfortranarray(facing.x - self._around.x0[facing.which])
 
     def _in_closed_form(self) -> list[tuple[float, Array, Array]]:
         near, mu = self._around.collisions, (self._coefficients.static[0], self._coefficients.kinetic[0])

@@ -27,7 +27,7 @@ class Surroundings:
         """Corners of bodies that are led, or stay."""
         for body in free.bodies if free else []:
             self.driven[body.corners] = False
-        self._placed: tuple[Array, Array] | None = None  # nodes, and where bodies were led, at the last `place`
+        self._placed: Array | None = None  # where bodies were led at the last `place`
         self.place()
         self.x0 = self._before = collisions.x.copy()
         self._led0 = self._led_before = self.led
@@ -48,9 +48,9 @@ class Surroundings:
         if self.free:
             return self.collisions.place(self._places())
         nodes = self.skin.places()
-        if self._placed is not None and self._placed[1] is self.led and np.array_equal(nodes, self._placed[0]):
+        if self._placed is self.led and np.array_equal(nodes, self.collisions.nodes):
             return True
-        self._placed = nodes, self.led
+        self._placed = self.led
         return self.collisions.place(np.concatenate([nodes, self.led]))
 
     @property

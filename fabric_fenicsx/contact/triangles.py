@@ -41,7 +41,7 @@ def turned(profile: Array, count: int) -> tuple[Array, np.ndarray]:
 
 
 def squares(n: int, m: int) -> np.ndarray:
-    """Two triangles for each square of a grid of n x m points."""
+    """Two triangles for each square of a grid of n x m points, numbered row by row: corners (2 (n - 1) (m - 1), 3)."""
     i = (np.arange(n - 1)[:, None] * m + np.arange(m - 1)).ravel()
     return np.concatenate([np.stack([i, i + m, i + m + 1], axis=1), np.stack([i, i + m + 1, i + 1], axis=1)])
 
