@@ -9,6 +9,8 @@ from mpi4py import MPI
 from dolfinx import fem
 
 from fabric_fenicsx import fabrics, sheet
+from fabric_fenicsx.contact import bodies
+from fabric_fenicsx.contact.contact import Contact
 from fabric_fenicsx.errors import InputError, StepFailed
 from fabric_fenicsx.laws.potential import Potential
 from fabric_fenicsx.solvers import checkpoint, energy, explicit, motion
@@ -128,6 +130,48 @@ def test_the_step_shortens_with_what_a_fabric_has_been_through():
     for step in fine.march(0.02, 0.001, dt=0.2 * full):
         assert step.newton_iterations == np.ceil(0.001 / (0.2 * full))
     assert abs(ledger.totals["by_law"] / account.totals["by_law"] - 1) < 5e-3
+
+
+def hit(whole=2e-5, refuses=False):
+    """A fabric that falls onto a fixed ball while a free one hits it, for 2 ms: fabric, ball, run, ledger, steps.
+
+    whole: half of the step in s, none for the stable one; refuses: whether halves come of whole steps, taken back.
+    """
+    cloth = motions.cloth(MPI.COMM_SELF, Potential(fabrics.load("blend")), cells=4)
+    fixed = bodies.Sphere(0.3, (0.1, 0.1, -0.308), cells=24)
+    ball = bodies.Sphere(0.1, (0.2, 0.2, 0.108), cells=8).free(0.2, velocity=(0, 0, -1.0))
+    touch = Contact(cloth, [fixed, ball], friction=0.3, itself=False, offset=2e-3, reach=1e-2)
+    run, ledger = cloth.explicit(motions.AREAL_MASS, [], touch.terms)
+    run.motion.velocity.sub(0).interpolate(lambda x: np.array([0.5, 0.0, -1.0])[:, None] + 0 * x)
+    run.motion.velocity.x.scatter_forward()
+    run.weigh, allows, asked = 1, run._limit.allows, []
+
+    def refusing(dt):
+        asked.append(dt)
+        return dt < 0.75 * whole and allows(dt)
+
+    if refuses:
+        run._limit.allows = refusing
+    dt, steps = whole if refuses or whole is None else whole / 2, 0
+    for step in run.march(2e-3, 1e-3, dt=dt):
+        steps += step.newton_iterations
+        assert touch.least_gap() > 0.0 and not touch.crossed()
+    return cloth.q.x.array, touch.places(ball), run, ledger, len(asked) or steps
+
+
+def test_a_step_in_contact_that_is_taken_back_leaves_no_trace():
+    (q, ball, _, ledger, asked), (other, at, _, account, _) = hit(refuses=True), hit()
+    assert asked == 300 and np.abs(q - other).max() < 1e-12 and np.abs(ball - at).max() < 1e-12
+    assert ledger.totals == pytest.approx(account.totals, rel=1e-9, abs=1e-12)
+    assert ledger.totals["by_friction"] > 0.0 and ledger.totals["by_law"] > 0.0
+
+
+def test_steps_in_contact_follow_the_history_of_the_fabric():
+    (q, _, run, ledger, steps), (exact, _, _, account, _) = hit(None), hit()
+    full = 2 / np.sqrt(run._limit._ever)
+    assert steps < 0.4 * 2e-3 / (explicit.SAFETY * full) and run.stable > 2 * full
+    assert ledger.worst < 2e-3 * ledger.most and np.abs(q - exact).max() < 1e-4
+    assert ledger.totals["kinetic"] == pytest.approx(account.totals["kinetic"], rel=0.01)
 
 
 def test_a_part_of_the_stable_step_stays_that_part():

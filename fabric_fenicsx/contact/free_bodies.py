@@ -142,6 +142,14 @@ class FreeBodies(Extra):
             body.restore()
         self._now = np.zeros(self.count)
 
+    def past(self) -> dict[str, float]:
+        """See `Term.past`."""
+        return self.numbers()
+
+    def take_back(self, past: dict[str, float]) -> None:
+        """See `Term.take_back`."""
+        self.set_numbers(past)
+
     # -- a motion --------------------------------------------------------------------------------------------------
 
     def start(self, force: Array) -> None:

@@ -134,6 +134,15 @@ class Friction(PairTerm):
         self._lost += self._step_loss()
         super().commit()
 
+    def past(self) -> Any:
+        """See `Term.past`."""
+        return self._lost, super().past()
+
+    def take_back(self, past: Any) -> None:
+        """See `Term.take_back`."""
+        self._lost, own = past
+        super().take_back(own)
+
 
 class Lagged(Friction):
     """Friction at the normal force of the start of a step, along the surfaces of then: it has a potential.

@@ -197,6 +197,15 @@ class PairTerm(Term):
         """See `Term.commit`."""
         self._supplied += self._step_work()
 
+    def past(self) -> Any:
+        """See `Term.past`."""
+        return self._supplied, self._around.past()
+
+    def take_back(self, past: Any) -> None:
+        """See `Term.take_back`."""
+        self._supplied, around = past
+        self._around.take_back(around)
+
     def renew(self) -> None:
         """See `Term.renew`."""
         self.evaluate()

@@ -118,6 +118,14 @@ class Surroundings:
             self.free.restore()
         self.led = self.x0[self.collisions.count :].copy()
 
+    def past(self) -> tuple[Array, ...]:
+        """What commits move, for `take_back`."""
+        return self._before, self.x0, self._led_before, self._led0, self.led
+
+    def take_back(self, past: tuple[Array, ...]) -> None:
+        """Back to where all was as `past` was asked for."""
+        self._before, self.x0, self._led_before, self._led0, self.led = past
+
     def renew(self) -> None:
         """Places have been set from outside; bodies are where they are led to."""
         self.led = self._targets()

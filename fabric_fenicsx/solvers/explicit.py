@@ -75,8 +75,7 @@ class CentralDifference(InParts):
             raise InputError("Explicit motion needs directors with inertia: leave the rotary part of the mass in.")
         self.weigh, self._still = WEIGH, set_load is unled
         self._part_of_limit = 1.0
-        # with sudden forces, which cannot be taken back, steps are as for a sheet that has hardened all it can
-        self._limit = stable_step.Limit(self, hardens=not self._sudden)
+        self._limit = stable_step.Limit(self)
         lumped = fem.Function(self.V)
         lumped.x.array[:] = self.mass
         motion.mass = PETSc.Mat().createDiagonal(lumped.x.petsc_vec.copy())
@@ -148,16 +147,15 @@ class CentralDifference(InParts):
     def _go(self, dt: float) -> None:
         """One step of dt (s), or in halves where the sheet hardens by so much in it that it would not be stable."""
         v, limit, weighs = self._of_v, self._limit, self.ledger is not None and self._weighs
-        start = [array.copy() for array in (self._of_q, v, self.pull)] if limit.moves else []
+        past = self._past() if limit.moves else None
         for term in self._steady:
             term.prepare(dt)
-        before, at = self._square(self.pull), self.time
+        before = self._square(self.pull)
         kick(v, self.pull, 0.5 * dt)
         self._part(dt, (RESOLVING if self.extra else SHORTEST) * dt)
         self._accelerate(self.evaluate(), self.pull, self._given_a)
-        if limit.moves and not limit.allows(dt):
-            self._of_q[:], v[:], self.pull[:] = start
-            self.time = at
+        if past is not None and not limit.allows(dt):
+            self._take_back(past)
             self._go(dt / 2)
             self._go(dt / 2)
             return

@@ -6,6 +6,7 @@ At the ends of parts no other force is found; those push at both ends of the ste
 
 from collections.abc import Sequence
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from mpi4py import MPI
@@ -124,6 +125,21 @@ class InParts(Stepper):
         self._lag += dt**2 / 8 * (self._square(self.push, self.extra) - before)
         for term in self._sudden:
             term.commit()
+
+    def _past(self) -> tuple[list[Array], list[Any], float, float]:
+        """The state at the end of a step, for `_take_back`."""
+        arrays = [array.copy() for array in (self._of_q, self._of_v, self.pull, self.push)]
+        return arrays, [term.past() for term in self._sudden], self.time, self._lag
+
+    def _take_back(self, past: tuple[list[Array], list[Any], float, float]) -> None:
+        """Undo a step whose steady forces have not been committed."""
+        arrays, pasts, self.time, self._lag = past
+        for array, before in zip((self._of_q, self._of_v, self.pull, self.push), arrays, strict=True):
+            array[:] = before
+        for term, before in zip(self._sudden, pasts, strict=True):
+            term.take_back(before)
+        for term in self._sudden:
+            term.evaluate(tangent=False)
 
     def _halves(self, dt: float, shortest: float) -> None:
         self._part(dt / 2, shortest)

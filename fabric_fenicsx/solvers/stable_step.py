@@ -39,12 +39,12 @@ class Run(Protocol):
 
 class Limit:
     """The largest stable `step` of a run in s, at present. Public: `moves`, whether it becomes smaller in time; `mode`,
-    the fastest oscillation, a local array. hardens: whether it may."""
+    the fastest oscillation, a local array."""
 
-    def __init__(self, run: Run, hardens: bool) -> None:
+    def __init__(self, run: Run) -> None:
         self._run, self.mode = run, _noise(run).x.array
         run.evaluate()
-        self.moves = hardens and run.comm.allreduce(bool(run.hardening()), MPI.LOR)
+        self.moves = run.comm.allreduce(bool(run.hardening()), MPI.LOR)
         self._ever = self._square = fastest(run, self._free(), True, self.mode)
         self.step = 2.0 / math.sqrt(self._ever)
         self._risen = 0.0

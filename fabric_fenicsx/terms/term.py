@@ -5,7 +5,7 @@ of a shell (`work`), a UFL form (`form`) and inertia (`solvers.motion`) are term
 """
 
 from collections.abc import Sequence
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from ufl.form import Form
@@ -141,6 +141,12 @@ class Term:
     def restore(self) -> None:
         """The unknowns are back at the last commit."""
         self.evaluate()
+
+    def past(self) -> Any:
+        """What commits move, for `take_back`; asked of impulsive terms, which commit several times in a step."""
+
+    def take_back(self, past: Any) -> None:
+        """Unknowns are back where they were as `past` was asked for, some commits ago; `evaluate` follows."""
 
     def renew(self) -> None:
         """Unknowns and `fields` have been put in place from a checkpoint."""
