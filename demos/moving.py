@@ -154,7 +154,7 @@ def play(scene, args, out, progress, watch=None, every=1):
     )  # fmt: skip
     if args.resume:
         command.say(f"gone on from t = {run.time:g} s")
-    taken, solved = run.ts.getStepNumber(), run.linear_iterations
+    taken, solved, made = run.ts.getStepNumber(), run.linear_iterations, run.matrices
     with record:
         if watch:
             watch({"time_s": run.time}, *shown())
@@ -163,12 +163,13 @@ def play(scene, args, out, progress, watch=None, every=1):
             row = record(
                 step,
                 linear_iterations=run.linear_iterations - solved,
+                matrices=run.matrices - made,
                 steps_taken=run.ts.getStepNumber() - taken,
                 cpu_s=time.process_time() - clock,
                 unknowns=sheet.q.function_space.dofmap.index_map.size_global,
                 memory_MB=run.comm.allreduce(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss) / 1024,
             )
-            taken, solved = run.ts.getStepNumber(), run.linear_iterations
+            taken, solved, made = run.ts.getStepNumber(), run.linear_iterations, run.matrices
             if watch:
                 watch(row, *shown())
             clock = time.process_time()
@@ -206,7 +207,8 @@ def summary(table, run):
     command.say(
         f"{len(iterations)} steps, {cuts:g} cuts, {taken:g} steps taken, the smallest {run.finest:g} of the whole"
     )
-    command.say(f"{newton}, {seconds:.1f} s")
+    made = table.column("matrices").sum() / taken
+    command.say(f"{newton}{f', {made:.1f} of them with a matrix of their own' if made else ''}, {seconds:.1f} s")
     unknowns = ledger.motion.q.function_space.dofmap.index_map.size_global
     cpu = 1e6 * table.column("cpu_s") / unknowns
     best = (cpu / table.column("steps_taken")).min()

@@ -71,10 +71,10 @@ def test_a_step_is_solved_as_well_as_the_time_rule_is_good():
         iterations = 0
         for _ in run.march(0.04, 0.04 / n):
             iterations += run.iterations
-        return run.motion.q.x.array.copy(), iterations
+        return run.motion.q.x.array.copy(), iterations, run.matrices
 
-    (exact, many), (loose, few), (fine, _) = swung(1e-11, 16), swung(None, 16), swung(1e-11, 32)
-    assert few < 0.8 * many
+    (exact, many, made), (loose, few, fewer), (fine, _, _) = swung(1e-11, 16), swung(None, 16), swung(1e-11, 32)
+    assert few < 0.8 * many and 16 <= fewer <= few and 16 <= made < 0.8 * many
     assert 0 < np.abs(loose - exact).max() < 0.1 * np.abs(fine - exact).max()
 
 

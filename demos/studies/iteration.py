@@ -94,13 +94,13 @@ def measured(cells, args):
     for _ in run.march(first, step):  # what is compiled, or made once
         pass
     with Clock(parts(run)) as clock:
-        began, iterations = time.process_time(), 0
+        began, iterations, made = time.process_time(), 0, run.matrices
         for done in run.march(own.end, step):
             iterations += done.newton_iterations
         whole = time.process_time() - began
     unknowns = run.q.function_space.dofmap.index_map.size_global
     each = 1e6 / (iterations * unknowns)
-    row = {"cells": cells, "unknowns": unknowns, "iterations": iterations}
+    row = {"cells": cells, "unknowns": unknowns, "iterations": iterations, "matrices": run.matrices - made}
     row |= {part: seconds * each for part, seconds in clock.seconds.items()}
     return row | {"rest": (whole - sum(clock.seconds.values())) * each, "us_each": whole * each}
 
@@ -114,9 +114,11 @@ def main():
     args = command.parse(parser)
     command.say(studies.machine())
     rows = [measured(cells, args) for cells in args.cells]
-    names = [name for name in rows[0] if name not in ("cells", "unknowns", "iterations")]
+    names = [name for name in rows[0] if name not in ("cells", "unknowns", "iterations", "matrices")]
     command.say("processor time, us per unknown and Newton iteration")
     command.say(f"{'cells':20s}" + "".join(f"{row['cells']:9d}" for row in rows))
+    command.say(f"{'iterations':20s}" + "".join(f"{row['iterations']:9d}" for row in rows))
+    command.say(f"{'matrices':20s}" + "".join(f"{row['matrices']:9d}" for row in rows))
     for name in names:
         command.say(f"{name:20s}" + "".join(f"{row[name]:9.2f}" for row in rows))
     studies.write(results.folder(args.out) / "iteration.csv", rows)

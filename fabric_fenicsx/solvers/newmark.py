@@ -138,7 +138,7 @@ class Newmark(Stepper):
             self.cuts += 1
             self._part /= 2
             ts.setTimeStep(dt / 2)
-        self.linear_iterations = self.solver.linear_iterations
+        self.linear_iterations, self.matrices = self.solver.linear_iterations, self.solver.matrices
         self.solver.commit()
         if self.ledger is not None:
             self.ledger.accept()

@@ -64,7 +64,7 @@ class StaticSolver(Reactions):
             raise InputError("A body that moves freely needs a motion, newmark or explicit; or lead it, without mass.")
         self._y = self._unknowns.y  # what is solved for: u, or (u, angles) of a shell
         self._accepted = self._y.x.array.copy()
-        self.scale = self._size = self._push = self._correction = 0.0
+        self.scale = self._size = self._push = self._correction = self._goal = 0.0
         self._met, self._pushed, self._sound = True, False, True  # sound: the last Jacobian was finite
         self._nothing = 1e-14 * self.comm.allreduce(np.abs(u.function_space.mesh.geometry.x).max(initial=0.0), MPI.MAX)
         self._fault: Exception | None = None
@@ -226,7 +226,8 @@ class StaticSolver(Reactions):
         # given displacements are in the norm in m, where a small one would pass for a small force
         if iteration == 0 and self._pushed:  # nothing else tells the size of forces on a sheet without reactions
             self._push, self._pushed = self._size, False
-        if self._met and residual <= self.rtol * max(self.scale, self._size, self._push):
+        self._goal = self.rtol * max(self.scale, self._size, self._push)
+        if self._met and residual <= self._goal:
             return PETSc.SNES.ConvergedReason.CONVERGED_FNORM_RELATIVE
         # round-off alone can be more force in a shell as stiff as that; a sheet that nothing moves is in balance
         if self._met and iteration > 0 and correction <= max(1e-9 * size, self._nothing):

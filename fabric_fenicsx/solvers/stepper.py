@@ -63,7 +63,7 @@ class Stepper(Reactions):
         self._origin = start, 0
         self.pause: Callable[[], None] = lambda: None
         """What is done between two steps; see `checkpoint.guard`."""
-        self.linear_iterations = 0
+        self.linear_iterations, self.matrices = 0, 0
         """So far; without linear systems, none."""
         self.ts = PETSc.TS().createPython(_Context(self), comm=self.comm)
         self.ts.setSolution(motion.q.x.petsc_vec)
