@@ -15,7 +15,6 @@ class Barrier(PairTerm):
     """
 
     symmetric = True
-    _masses: Array | None = None
 
     def _forces(self) -> Array:
         return self._around.collisions.gradient()
@@ -32,9 +31,9 @@ class Barrier(PairTerm):
 
     def fastest(self, mass: Array) -> float:
         """See `Term.fastest`."""
-        if self._masses is None:
-            self._masses = self._skin.moved(mass)[:, 0]
-        return self._around.collisions.fastest(self._masses)
+        if self._around.masses is None:
+            self._around.masses = self._skin.moved(mass)[:, 0]
+        return self._around.collisions.fastest(self._around.masses)
 
     def follow(self) -> bool:
         """See `Term.follow`."""

@@ -19,8 +19,9 @@ from .surroundings import Surroundings
 class Friction(PairTerm):
     """Friction between all that the barrier keeps apart, at the normal force of the end of a step.
 
-    slip: speed from which on all of it acts, m/s. creep: the way in a step, m, that
-    stands for it in statics, and is the least in motion: Newton's method goes round in circles where it steps far over.
+    slip: speed from which on all of it acts, m/s. creep: the way in a step, m, that stands for it in statics, and is
+    the least in motion: Newton's method goes round in circles where it steps far over. In explicit motion, whose steps
+    are short, it is as long at most as is needed so that friction does not turn back in a step what it slows down.
     """
 
     loses = "friction"
@@ -28,7 +29,7 @@ class Friction(PairTerm):
     def __init__(self, around: Surroundings, coefficients: Coefficients, slip: float, creep: float) -> None:
         super().__init__(around)
         self._coefficients, self._slip, self._creep = coefficients, slip, creep
-        self._length, self._lost, self._kit = creep, 0.0, around.collisions.kit
+        self._length, self._dt, self._lost, self._kit = creep, 0.0, 0.0, around.collisions.kit
         if self._kit is not None:
             self._law = self._kit.FrictionPotential(creep)
         self._pairs: list[tuple[Facing, Any, Any]] = []
@@ -38,16 +39,23 @@ class Friction(PairTerm):
 
     def prepare(self, dt: float) -> None:
         """See `Term.prepare`."""
-        length = max(self._slip * dt, self._creep)
-        if self._length != length:
-            self._length, self._at = length, None
-            if self._kit is not None:
-                self._law.eps_v = length
+        if self._dt != dt:
+            self._dt, self._at = dt, None
+
+    def _smooth(self) -> None:
+        """Choose the way over which friction grows: `_length`."""
+        least = self._creep
+        if self._around.masses is not None:  # two nodes are slowed down at most by 2 mu N over the slip speed, each
+            least = min(least, 4 * float(self._coefficients.static.max()) * self._dt**2 * self._around.pushed())
+        self._length = max(self._slip * self._dt, least)
+        if self._kit is not None:
+            self._law.eps_v = self._length
 
     def _forces(self) -> Array:
         near, x0 = self._around.collisions, self._around.x0
         if self._at is None or self._at[0] is not near.x or self._at[1] is not x0:
             self._at, force = (near.x, x0), np.zeros(near.x.shape)
+            self._smooth()
             self._pairs = self._rubbing([(facing, facing.x, facing.sets) for facing in near.facings])
             for facing, law, pairs in self._pairs:
                 if not self._coefficients.uniform:
@@ -162,6 +170,7 @@ class Lagged(Friction):
             self._since, self._start = x0, near.gaps.look(x0)
             sets = [(facing, np.asfortranarray(x0[facing.which]), facing.at(x0)) for facing in near.facings]
             self._pairs = self._rubbing(sets)
+        self._smooth()
 
     def _in_closed_form(self) -> list[tuple[float, Array, Array]]:
         near, mu = self._around.collisions, (self._coefficients.static[0], self._coefficients.kinetic[0])

@@ -15,12 +15,14 @@ from .skin import Skin
 class Surroundings:
     """Sheet and bodies in their places, of the present and of the last commit.
 
-    Public: `skin`, `collisions`, `free`; `x0`, all places at the last commit (n, 3).
+    Public: `skin`, `collisions`, `free`; `x0`, all places at the last commit (n, 3); `masses` of the sheet's
+    nodes (n,), kg, in explicit motion.
     """
 
     def __init__(self, skin: Skin, collisions: Collisions, free: FreeBodies | None) -> None:
         self.skin, self.collisions, self.free = skin, collisions, free
         self.led = self._targets()
+        self.masses: Array | None = None
         self.carries = False
         """Whether the sheet goes along with what is led."""
         self.driven = np.ones(len(self.led), dtype=bool)
@@ -69,6 +71,16 @@ class Surroundings:
         if not np.isfinite(x1).all():
             return 1.0
         return min(part, self.collisions.free_part(x0, x1))
+
+    def pushed(self) -> float:
+        """Largest force of contact over the mass that it moves, in explicit motion, m/s2."""
+        push = np.sqrt(np.einsum("ni,ni->n", *[self.collisions.gradient()] * 2))
+        most = float((push[: self.collisions.count] / self.masses).max())
+        for body in self.free.bodies if self.free else []:
+            # as if all of it pushed at one corner of a solid
+            own = push[self.collisions.count :][body.corners].sum() / body.body.mass
+            most = max(most, 4.0 * float(own))
+        return most
 
     def lead(self) -> bool:
         """Move the bodies towards their targets, as far as the sheet lets them; whether they are there."""
