@@ -27,9 +27,10 @@ def run(command, out):
     """What a command prints, its status, and how long it took in s."""
     clock = time.perf_counter()
     script, *words = command.split()
-    words = [sys.executable, script, *words]
-    words += ["--out", str(out)] if '"--out"' in (ROOT / script).read_text() else []
-    answer = subprocess.run(words, cwd=ROOT, stdout=subprocess.PIPE, text=True, check=False)
+    to = ["--out", str(out)] if '"--out"' in (ROOT / script).read_text() else []  # before what comes after --
+    answer = subprocess.run(
+        [sys.executable, script, *to, *words], cwd=ROOT, stdout=subprocess.PIPE, text=True, check=False
+    )
     said = answer.stdout.replace(f"{out}", "its folder").replace(f"{ROOT}/", "").strip("\n")
     return said, answer.returncode, time.perf_counter() - clock
 

@@ -9,11 +9,13 @@ from dolfinx import fem, mesh
 from dolfinx.fem.petsc import NonlinearProblem
 
 from fabric_fenicsx import fabrics, sheet
+from fabric_fenicsx.laws.bending import Bending
+from fabric_fenicsx.laws.potential import Potential
 from fabric_fenicsx.laws.section import Section
 from fabric_fenicsx.laws.svk import StVenantKirchhoff
 from fabric_fenicsx.laws.woven import Woven
 from fabric_fenicsx.shell import directors, kinematics
-from fabric_fenicsx.solvers import energy, motion, newmark, statics
+from fabric_fenicsx.solvers import energy, explicit, motion, newmark, statics
 from fabric_fenicsx.surfaces import meshing, yarns
 from fabric_fenicsx.terms import hook, supports, weakform
 from fabric_fenicsx.terms.work import InternalWork
@@ -27,7 +29,7 @@ AREAL_MASS = FABRIC.density * H
 
 @dataclass(frozen=True)
 class Scene:
-    """What a scene has. law: linear, hooked (the same by a hook), yarns (no shear hysteresis) or whole."""
+    """What a scene has. law: linear, hooked (the same by a hook), yarns (no shear hysteresis), whole or potential."""
 
     level: str = "plane"
     law: str = "linear"
@@ -36,7 +38,9 @@ class Scene:
     quadratic: bool = False
     curved: bool = False
     load: str = "none"
+    bending: bool = False
     moving: bool = False
+    explicit: bool = False
     rotary: str = "none"
     damping: float = 0.0
     stiff_damping: float = 0.0
@@ -50,14 +54,17 @@ MEMBRANE, SHELL = Scene("membrane"), Scene("shell")
 WHOLE = Scene("shell", "whole", layers=2)
 MOVING, MOVING_SHELL = replace(MEMBRANE, moving=True), replace(SHELL, moving=True)
 FLAT = replace(SHELL, element="regge")
+EXPLICIT = replace(MOVING_SHELL, rotary="cell", explicit=True, law="hooked")
 FEATURES = {
     "third dimension": (PLANE, MEMBRANE),
     "director and bending": (MEMBRANE, SHELL),
     "hook at all": (PLANE, HOOKED),
     "hysteresis in tension": (HOOKED, YARNS),
     "hysteresis in shear": (YARNS, replace(PLANE, law="whole")),
+    "law with a potential": (replace(PLANE, law="whole"), replace(PLANE, law="potential")),
     "a third layer": (WHOLE, replace(WHOLE, layers=3)),
     "quadratic in thickness": (WHOLE, replace(WHOLE, quadratic=True)),
+    "bending of its own": (SHELL, replace(SHELL, bending=True)),
     "curved frame": (FLAT, replace(FLAT, curved=True)),
     "assumed strain": (replace(SHELL, element="q1"), SHELL),
     "dead load": (MEMBRANE, replace(MEMBRANE, load="dead")),
@@ -67,6 +74,7 @@ FEATURES = {
     "damping by mass": (MOVING, replace(MOVING, damping=1.0)),
     "damping by stiffness": (MOVING, replace(MOVING, stiff_damping=1e-4)),
     "contact and friction": (SHELL, replace(SHELL, contact=True)),
+    "history, explicit": (EXPLICIT, replace(EXPLICIT, law="potential")),
     "energy ledger": (MOVING, replace(MOVING, ledger=True)),
 }
 """Feature -> the scene without and with it."""
@@ -86,6 +94,8 @@ def law_of(scene):
     linear = StVenantKirchhoff.from_fabric(FABRIC)
     if scene.law == "linear":
         return linear
+    if scene.law == "potential":
+        return Potential(FABRIC)
     return NoStiffness(linear) if scene.law == "hooked" else Woven(FABRIC, shear_hysteresis=scene.law == "whole")
 
 
@@ -162,7 +172,8 @@ class Built:
             else:
                 self.solver = statics.StaticSolver(terms, q, bcs, space=cloth.shell)
         works = [term for term in self.solver.terms if isinstance(term, InternalWork)]
-        self.unknowns, self.batches = self.solver.begin().getSize(), sum(len(work.parts) for work in works)
+        self.unknowns = q.x.petsc_vec.getSize() if scene.explicit else self.solver.begin().getSize()
+        self.batches = sum(len(work.parts) for work in works)
         arrays = [array for law in points for array in (law.history.committed, law.history.trial)]
         if self.run is not None:
             moved = self.run.motion
@@ -183,6 +194,7 @@ class Built:
         self.end = fem.Constant(self.domain.mesh, 0.0)
         G = FABRIC.shear.modulus[0]
         more = {"shear": (G, G), "layers": scene.layers, "element": scene.element} if scene.level == "shell" else {}
+        more |= {"layers": None, "bending": Bending.from_fabric(FABRIC)} if scene.bending else {}
         return sheet.Sheet(self.domain, law_of(scene), H, warp=(0, 1, 0) if scene.curved else (1, 0, 0),
                            kinematics=scene.level, **more)  # fmt: skip
 
@@ -204,6 +216,9 @@ class Built:
                 scene.stiff_damping, C, cloth.strain, cloth.q, moved.velocity, cloth.v, cloth.dx
             )
             terms = [*terms, damping]
+        if scene.explicit:
+            self.run = self.solver = explicit.CentralDifference(moved, terms, bcs, set_load=self._pull)
+            return
         run = newmark.Newmark(moved, terms, bcs, set_load=self._pull)
         if scene.ledger:
             energy.Ledger(run)
@@ -213,7 +228,8 @@ class Built:
         self.end.value = pulled(t / DT)
 
     def iteration(self, steps):
-        """Processor time of a Newton iteration in s: that of a step by its iterations, the least of the next steps."""
+        """Processor time of a Newton iteration in s, or of an explicit step: that of a step by their number, the least
+        of the next steps."""
         least = np.inf
         for _ in range(steps):
             clock = time.process_time()

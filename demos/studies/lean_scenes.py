@@ -3,8 +3,8 @@
 One table, a row a feature, of small scenes with and without it: unknowns, kernels compiled (integrals of forms and
 expressions), batches of cells (`work.InternalWork`), processor time of compiling them into an empty cache, bytes
 of history (of laws and of motion, committed and trial), and processor time of a Newton iteration (residual, stiffness,
-factorisation, solution; the fastest of several, for which the scenes take turns), to which the energy ledger adds what
-it does once a step.
+factorisation, solution; the fastest of several, for which the scenes take turns) or of an explicit step, to which the
+energy ledger adds what it does once a step.
 
 Then the elastic plane scene is held against the same problem in twenty lines of plain DOLFINx, in this run; and on one
 rank a drape of 6 x 6 cells is started in a process of its own, its forms in the cache, until its first step is done.

@@ -19,7 +19,7 @@ With --sphere the sheet falls onto a sphere instead, with friction (`demos/spher
 With --thickness it solves one linear system of an elastic sheet at rest instead, under its weight, gripped at two
 edges: flat, so that it must bend, and stretched by 0.5 %; for every thickness over side, size and element.
 
-    python demos/studies/scaling.py --thickness 1e-2 1e-3 1e-4 --cells 20 40 80
+    python demos/studies/scaling.py --thickness 1e-2 1e-3 1e-4 --cells 20 40 80 --element mitc4
 
 With --model it counts work and messages of an iteration, and predicts what 8, 64 and 512 ranks gain: `rank_model`.
 
@@ -58,6 +58,7 @@ from fabric_fenicsx.terms import supports
 
 SQUARE = meshing.MESHES / "square.geo"
 DEMOS = Path(__file__).parents[1]
+ELEMENTS = ("mitc4", "regge")
 REBOUND = 0.25  # s
 SAID = (
     "{cells:3d} cells, {ranks} ranks, {solver:9s} {unknowns:7.0f} unknowns: {seconds:6.1f} s, {iterations_a_step:.1f} "
@@ -147,7 +148,7 @@ def thicknesses(args):
     """The table of iterations against thickness and size; 0 if the solvers agree."""
     rows = []
     with results.Table(results.folder(args.out) / "thickness.csv") as table:
-        for element, part, ratio, cells in product(("mitc4", "regge"), (0.0, 0.005), args.thickness, args.cells):
+        for element, part, ratio, cells in product(args.element, (0.0, 0.005), args.thickness, args.cells):
             rows.append(at_rest(cells, ratio, element, part))
             table.row(regge=int(element == "regge"), **rows[-1])
             state = "stretched" if part else "flat"
@@ -228,6 +229,7 @@ def main():
     parser.add_argument("--sphere", action="store_true", help="the sheet falls onto a sphere")
     parser.add_argument("--weak", action="store_true", help="r ranks get r times the cells")
     parser.add_argument("--thickness", type=command.number, nargs="+", help="over side; sheets at rest instead")
+    parser.add_argument("--element", choices=ELEMENTS, nargs="+", default=ELEMENTS, help="of sheets at rest")
     parser.add_argument("--model", action="store_true", help="what many ranks would gain instead")
     parser.add_argument("--end", type=command.number, default=0.05, help="s")
     parser.add_argument("--out", type=Path, default=Path("out/scaling"))
