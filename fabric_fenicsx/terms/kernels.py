@@ -130,8 +130,8 @@ def forces(batch, stress, weights, out):
 def stiffness(batch, tangent, stress, weights, turn, out):
     """Add to `out` (owned cells, n, n) the stiffness of each cell, of tangent and stress at the points.
 
-    turn: None, or numbers of each cell's directors, and by these their derivatives by two angles (directors, 2, 3):
-    the stiffness is then by displacements and angles.
+    tangent: without cells where it is the identity, of weight 1. turn: None, or numbers of each cell's directors, and
+    by these their derivatives by two angles (directors, 2, 3): the stiffness is then by displacements and angles.
     """
     M, spans, pairs, _, start, _, directors, q, dofs = batch
     nodes, n, strains = start.shape[1], start.shape[1] + directors.shape[1], len(spans)
@@ -188,14 +188,17 @@ def stiffness(batch, tangent, stress, weights, turn, out):
             for a in range(points * strains):
                 for j in range(last):
                     B[a, j] = side[a, j, lane]
-            CB[:] = 0.0
-            for p in range(points):
-                for a in range(strains):
-                    for b in range(strains):
-                        C = weights[c, p] * tangent[c, p, a, b]
-                        for j in range(last):
-                            CB[p * strains + a, j] += C * B[p * strains + b, j]
-            np.dot(B.T, CB, K)
+            if len(tangent) == 0:
+                np.dot(B.T, B, K)
+            else:
+                CB[:] = 0.0
+                for p in range(points):
+                    for a in range(strains):
+                        for b in range(strains):
+                            C = weights[c, p] * tangent[c, p, a, b]
+                            for j in range(last):
+                                CB[p * strains + a, j] += C * B[p * strains + b, j]
+                np.dot(B.T, CB, K)
             G[:] = 0.0
             for k in range(len(pairs)):
                 i, j = pairs[k, 0] + 1, pairs[k, 1] + 1

@@ -203,7 +203,7 @@ class _Part:
             M = pairing.squares(mesh.comm, M, C * (area * weights)[:, :, None, None])
             self.weights, self.symmetric = np.ones((owned, 1)), True
             self._strain, self._stress = np.zeros((2, *M.shape[:3]))
-            self._tangent = np.tile(np.eye(M.shape[2]), (len(M), 1, 1, 1))
+            self._tangent = np.empty((0, 1, M.shape[2], M.shape[2]))  # the identity
         else:
             self.points = LawPoints(response, mesh, shell.cells, M.shape[1:3], weights=lambda: self.weights)
             self.symmetric = response.symmetric
@@ -270,6 +270,9 @@ class _Part:
                 self.points.linearise(self._foreseen)
             self._about = self.stress.copy()
         way = reach * (self.strain - self._foreseen)
+        if self.points is None:
+            np.add(self._about, way, out=self.stress)
+            return
         np.einsum("cpab,cpb->cpa", self.tangent, way, out=self.stress)
         self.stress[:] += self._about
 
