@@ -1,8 +1,8 @@
 """A sleeve or a trousers' leg on a limb that bends at one joint and straightens again: for `elbow.py` and `knee.py`.
 
 One panel is that of the cone that just holds the straight limb, and `ease` wider. It is sewn along its side, dressed by
-metric relaxation, held at its upper edge, and goes along with the limb, from one balance to the next (statics
-downhill): what it loses in snaps from one balance to another is told.
+metric relaxation, held at its upper edge, or drawn along the limb and held at both ends, and goes along with the limb,
+from one balance to the next (statics downhill): what it loses in snaps from one balance to another is told.
 """
 
 import argparse
@@ -36,11 +36,11 @@ CLEAR = 5e-3  # m, between limb and the inner side of the cloth at the start
 NEAR = 1.7  # radii of the limb around the joint, in which strains are told
 
 
-def material(name, args):
-    """Of a fabric, or `SOFT`."""
+def material(name, law, thickness=1.0):
+    """Of a fabric, or `SOFT`; thickness: of that, mm."""
     if name != SOFT:
-        return Material.of(fabrics.load(name), law=args.law)
-    E, nu, h = 2e5, 0.3, 1e-3 * args.thickness
+        return Material.of(fabrics.load(name), law=law)
+    E, nu, h = 2e5, 0.3, 1e-3 * thickness
     shear = E / (2 + 2 * nu)
     return Material(law=StVenantKirchhoff.isotropic(E, nu), thickness=h, shear=(shear, shear), areal_mass=200.0 * h)
 
@@ -68,7 +68,12 @@ class Wear:
     @cached_property
     def cloth(self):
         """What it is made of."""
-        return material(self.fabric, self.args)
+        return material(self.fabric, self.args.law, self.args.thickness)
+
+    @property
+    def ends(self):
+        """Of the sleeve that are held: the hem, too, where it is drawn along the limb."""
+        return ("sleeve.top", "sleeve.hem") if self.args.stretch else ("sleeve.top",)
 
     def bend(self, angle):
         """Lead the limb to an angle of its joint, degrees."""
@@ -84,8 +89,8 @@ class Wear:
         slope = max(slope, 1e-3)  # upwards it becomes no narrower
         most = (self.limb.radius(-y) - middle - slope * y).max()
         radii = (1 + self.ease) * (middle + most + slope * np.array([low, high]))
-        slope = np.diff(radii)[0] / (high - low)
-        steep = slope / np.sqrt(1 + slope**2)  # the sine of half the angle of its tip
+        slant = np.hypot(high - low, np.diff(radii)[0]) / (1 + self.args.stretch / 100)
+        steep = np.diff(radii)[0] / slant  # the sine of half the angle of its tip
         inner, outer = radii / steep
         t = np.pi * steep * np.array([-1, 1])
         (left, right), up = np.column_stack([np.sin(t), np.cos(t)]), np.array([0.0, 1.0])
@@ -121,7 +126,7 @@ class Wear:
         """The cloth on the straight limb, where it is at rest."""
         cloth = self.garment().sheet(self.cloth)
         touch = self.touching(cloth, 0.0)
-        held = supports.lead(cloth.domain, cloth.space, "sleeve.top", 2, 0.0)
+        held = [bc for end in self.ends for bc in supports.lead(cloth.domain, cloth.space, end, 2, 0.0)]
         put_on = dressing.Dressing(cloth, touch.terms, held)
         steps = list(put_on.march(progress="dressing"))
         put_on.save(out / "worn.npz")
@@ -141,27 +146,38 @@ class Wear:
         args, limb = self.args, self.limb
         cloth = self.dressed(out)
         touch = self.touching(cloth, args.friction)
-        solver = cloth.equilibrium(supports.clamp(cloth.domain, cloth.space, "sleeve.top"), touch.terms, rtol=args.rtol)
+        held, moves = zip(*(supports.grip(cloth.domain, cloth.space, end) for end in self.ends), strict=True)
+        solver = cloth.equilibrium([bc for bcs in held for bc in bcs], touch.terms, rtol=args.rtol)
+        hem = supports.unknowns(cloth.domain, cloth.space, self.ends[-1])
         count = max(round(args.angle / args.step), 1)
         bent = args.angle * np.arange(count + 1) / count
         effort, slip = measures.Effort(touch, solver), measures.Slip(touch, self.body)
-        centre, near = limb.joint(self.joint), NEAR * float(limb.radius(self.place))
+        joint, near = limb.joint(self.joint), NEAR * float(limb.radius(self.place))
         start = limb.pose()
-        least = limb.joints[self.joint].most
+        least, last = limb.joints[self.joint].most, (0.0, 0.0)  # angle, and moment at the hem
+
+        def bend(angle):
+            self.bend(angle)
+            for move in moves[1:]:
+                move((0, 0, 0), np.radians(angle) * np.array(joint.axis), joint.centre)
 
         def probes(step):
-            angle = float(np.clip(step.load, -least, least))
-            effort.step()
+            nonlocal last
+            angle, held = float(np.clip(step.load, -least, least)), 0.0
+            if moves[1:]:
+                held = float(solver.reaction_moment(hem, joint.centre) @ joint.axis)
+            effort.step(np.radians(angle - last[0]) * (held + last[1]) / 2)
+            last = angle, held
             slip.step()
             skin = touch.places(self.body)
             pressed = measures.pressed(touch.pressure(self.body), skin, self.body.faces)
-            about = measures.near(skin[self.body.faces].mean(axis=1), centre, near)
+            about = measures.near(skin[self.body.faces].mean(axis=1), joint, near)
             bare = measures.skin_strain(start, skin, self.body.faces)[about, 0].max()
             worn = measures.cloth_strain(cloth.cell_strain())
-            worn = worn[measures.near(measures.middles(cloth), centre, near)][:, 0].max(initial=0.0)
-            moment = -measures.joint_moment(touch.forces(self.body), limb.rates(self.joint, **{self.joint: angle}))
+            worn = worn[measures.near(measures.middles(cloth), joint, near)][:, 0].max(initial=0.0)
+            moment = measures.joint_moment(touch.forces(self.body), limb.rates(self.joint, **{self.joint: angle}))
             return {
-                "number": step.number, "angle_deg": angle, "moment_Nm": moment, **effort.row(),
+                "number": step.number, "angle_deg": angle, "moment_Nm": held - moment, **effort.row(),
                 "pressure_mean_Pa": pressed.mean, "pressure_peak_Pa": pressed.peak, "pressed_m2": pressed.area,
                 "strain_cloth": max(self.comm.allgather(worn)), "strain_skin": bare,
                 "slip_mean_m": float(slip.way.mean()), "slip_max_m": float(slip.way.max()), "crossed": touch.crossed(),
@@ -175,7 +191,7 @@ class Wear:
         with record:
             clock = time.process_time()
             angles = [*bent, *bent[-2::-1]] if back else bent
-            for step in march(solver, self.bend, angles, progress=f"{self.fabric} {100 * self.ease:g} %"):
+            for step in march(solver, bend, angles, progress=f"{self.fabric} {100 * self.ease:g} %"):
                 record(step, cpu_s=time.process_time() - clock)
                 clock = time.process_time()
         return record.table
@@ -187,6 +203,12 @@ def arguments(doc, **defaults):
     parser.add_argument("--ease", type=command.number, nargs="+", help="over the girth of a cone around the limb, %%")
     parser.add_argument("--law", choices=named.NAMES, default=named.DEFAULT, help="of a fabric")
     parser.add_argument("--thickness", type=command.above_zero, default=1.0, help=f"of {SOFT!r}, mm")
+    parser.add_argument(
+        "--stretch",
+        type=command.above_zero,
+        default=0.0,
+        help="by which it is drawn along, and held by its hem, too, %%",
+    )
     parser.add_argument("--length", type=command.above_zero, help="along the limb, m, half of it beyond the joint")
     parser.add_argument("--angle", type=command.above_zero, help="to which the joint bends, degrees")
     parser.add_argument("--step", type=command.above_zero, default=4.0, help="degrees")

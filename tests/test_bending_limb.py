@@ -24,6 +24,21 @@ def test_an_elastic_cloth_without_friction_gives_back_what_it_takes(demo, tmp_pa
     look(tmp_path / "soft_0" / "deformed.png")
 
 
+def test_a_taut_sleeve_gives_back_what_it_takes_and_pulls_the_forearm_by_its_hem(demo, tmp_path):
+    """Held at both ends, with work at the hem, too; drawn along less, it pulls less."""
+    words = "--fabric soft --ease -20 --friction 0 --angle 15 --step 5 --cell 30 --skin 16 --reach 3 --stiffness 100"
+    moments = []
+    for stretch in ("20", "40"):
+        status, said, _ = demo("elbow.py", *words.split(), "--length", "0.3", "--stretch", stretch, "--out", tmp_path)
+        table = read(tmp_path / "soft_-20" / "history.csv")
+        work, stored, most = table["work_J"], table["stored_J"], table["work_J"].max()
+        assert status == 0 and "nothing passes through the skin" in said and (np.diff(work[:4]) > 0.0).all()
+        assert work == pytest.approx(stored, abs=0.01 * most) and abs(work[-1]) < 0.01 * most
+        assert table["moment_Nm"][[0, 6]] == pytest.approx(0.0, abs=0.02 * table["moment_Nm"].max())
+        moments.append(table["moment_Nm"][3])
+    assert moments[1] > 1.1 * moments[0] > 0.0
+
+
 @pytest.mark.slow
 def test_two_ranks_bend_the_same_sleeve(demo, tmp_path):
     words = [*QUICK.split(), "--length", "0.18"]

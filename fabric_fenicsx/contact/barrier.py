@@ -2,8 +2,6 @@
 
 from typing import Any
 
-import numpy as np
-
 from ..laws import Array
 from .pairs import Blocks, PairTerm
 
@@ -43,9 +41,9 @@ class Barrier(PairTerm):
             self.evaluate()
         return there
 
-    def carry(self, held: np.ndarray) -> Array | None:
+    def carry(self, given: Array) -> Array | None:
         """See `Term.carry`."""
-        return self._around.carry(held)
+        return self._around.carry(given)
 
     def energy(self) -> float:
         """See `Term.energy`."""

@@ -49,7 +49,7 @@ class Contact:
         lagged: whether friction is that of the normal force at the start of a step, see `friction.Lagged`; statics
             needs it to go downhill.
         carried: whether a sheet at rest is taken along with what leads it before its balance is looked for, as a
-            garment is by its wearer: each node with the corner of a body that is nearest to it.
+            garment is by its wearer: each node with the corner of a body that is nearest to it, or as it is held.
         gravity: acceleration of free bodies by their weight, m/s2.
     """
 

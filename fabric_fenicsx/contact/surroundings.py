@@ -98,14 +98,14 @@ class Surroundings:
         self.led = led if part == 1.0 else self.led + part * (led - self.led)
         return part
 
-    def carry(self, held: np.ndarray) -> Array | None:
+    def carry(self, given: Array) -> Array | None:
         """See `Term.carry`: each node goes with the corner of a body that is nearest to it."""
         led = self._targets()
         if not self.carries or self.free or np.array_equal(led, self.led):
             return None
         x0, count = self._places(), self.collisions.count
         change = self.skin.change((led - self.led)[cKDTree(self.led).query(x0[:count])[1]])
-        change[held] = 0.0
+        change = np.where(np.isnan(given), change, given)
         return self._go(led, x0, x0[:count] + self.skin.moved(change)) * change
 
     def commit(self) -> None:

@@ -44,8 +44,9 @@ class Effort:
         effort = Effort(touch, solver)
         for step in march(solver, arm.at, times): effort.step()
 
-    Supports are to rest. Public: `work` of those who lead the bodies, J; `work_on`, of each body, by the mean of the
-    forces at both ends of a step, to which `work` adds `onset`, what friction takes at once where it sets in; `stored`
+    Public: `work` of those who lead bodies and supports, J; `work_on`, of each body, by the mean of the forces at both
+    ends of a step, to which `work` adds `held`, that of supports, as `step` is told it, for they are to rest else, and
+    `onset`, what friction takes at once where it sets in; `stored`
     since the start, in cloth and contact; `by_law` and `by_friction`, what these took; `released`, the rest, and of it
     `snapped`, what the sheet gave up where it snapped from one balance to another: in steps that released more than 3 %
     of their work. What is left of it is the error of finite steps, which falls with their square.
@@ -53,7 +54,7 @@ class Effort:
 
     def __init__(self, touch: Contact, solver: StaticSolver) -> None:
         self._touch, self._solver = touch, solver
-        self.work_on = [0.0] * len(touch.bodies)
+        self.work_on, self.held = [0.0] * len(touch.bodies), 0.0
         self.stored, self.by_law, self.by_friction, self._start = 0.0, 0.0, 0.0, (0.0, 0.0)
         self.onset = self.snapped = 0.0
         self._last: list[tuple[Array, Array, Array]] = []
@@ -70,9 +71,10 @@ class Effort:
         terms = self._solver.terms
         return float(self._solver.comm.allreduce(sum(term.energy() or 0.0 for term in terms)))
 
-    def step(self) -> None:
-        """After a step; the first one is that to the state from which on it counts."""
+    def step(self, held: float = 0.0) -> None:
+        """After a step, in which supports did this work, J; the first is that to the state from which on it counts."""
         now, comm, before = self._look(), self._solver.comm, (self.work, self.released)
+        self.held += held
         laws = [term for term in self._solver.terms if term.loses == "law"]
         meant = 0.0  # what friction has taken, by its mean
         for k, ((f0, rubbed0, x0), (f1, rubbed1, x1)) in enumerate(zip(self._last, now, strict=bool(self._last))):
@@ -95,8 +97,8 @@ class Effort:
 
     @property
     def work(self) -> float:
-        """Of all bodies."""
-        return sum(self.work_on) + self.onset
+        """Of all bodies and supports."""
+        return sum(self.work_on) + self.held + self.onset
 
     @property
     def released(self) -> float:

@@ -111,10 +111,9 @@ class StableSolver(StaticSolver):
         self.begin()
         self.negative = 0
         self._foreseen.begin()
+        self._unknowns.carry(self._x, self._given, self._targets)
         moved = self._move_supports()
         self._pushed, self._push = not moved, 0.0
-        if not moved:
-            self._unknowns.carry(self._x, self._given)
         iterations = balanced(self.terms, self._go_down)
         if iterations is None:
             raise self.failure(HELD)

@@ -107,15 +107,15 @@ class Unknowns:
             self.force.array_w[:size], self.force.array_w[size:] = self.of_q.array_r, every[: self.here]
         return self.force
 
-    def carry(self, x: PETSc.Vec, given: np.ndarray) -> None:
-        """Take the sheet, in x and q, along with what leads the terms, but for the given unknowns."""
+    def carry(self, x: PETSc.Vec, given: np.ndarray, targets: Array) -> None:
+        """Take the sheet, in x and q, along with what leads the terms, and the given unknowns to their targets."""
         some = [term for term in self._terms if type(term).carry is not Term.carry]
         if not some:
             return
-        fixed = self.vector()
-        fixed.array_w[given] = 1.0
-        held = self.change(fixed) != 0.0
-        for way in [change for term in some if (change := term.carry(held)) is not None]:
+        mask, gap = self.vector(), self.vector()
+        mask.array_w[given], gap.array_w[given] = 1.0, targets[given] - x.array_r[given]
+        change = np.where(self.change(mask) != 0.0, self.change(gap), np.nan)
+        for way in [carried for term in some if (carried := term.carry(change)) is not None]:
             x.array_w[: self.owned] += (way if self._space is None else self._space.rate(way))[: self.owned]
             self.take(x)
 

@@ -106,10 +106,10 @@ class Term:
         """Go on, as far as may be at once, to where it is led; False, on every rank, while there is more to go."""
         return True
 
-    def carry(self, held: np.ndarray) -> Array | None:
+    def carry(self, given: Array) -> Array | None:
         """Before `follow`: go on to where it is led and take the sheet along, as far as both may go at once.
 
-        held: unknowns of q, a local array, that may not move. Returns the change of q (local array), or None.
+        given: change of q, a local array, where supports say it, and NaN elsewhere. Returns that of all q, or None.
         """
         return None
 
