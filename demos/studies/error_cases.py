@@ -17,6 +17,7 @@ import numpy as np
 import poke
 import shell_cases
 import shell_model
+import studies
 import ufl
 from mpi4py import MPI
 from dolfinx import fem
@@ -220,7 +221,7 @@ def build_motion(room, end, bending="layers"):
         args.layers = s.get("layers", 3)
         args.element, args.method, args.solver = s["element"], s["method"], s["solver"]
         args.patch, args.jerk = 0.2, False
-        scene = room.scene(args, comm)
+        scene = studies.scene_of(room, args, comm)
         if "accuracy" in s:
             scene.run.accuracy = s["accuracy"]
         return scene

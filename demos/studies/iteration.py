@@ -89,7 +89,7 @@ def measured(cells, args):
     moving.add_arguments(parser, end=args.end, rho=0.8)
     own = parser.parse_args(["--bending", "own", "--cells", str(cells), "--end", str(args.end), *args.also])
     own.patch = 0.2
-    run = drape.scene(own, MPI.COMM_SELF).run
+    run = studies.scene_of(drape, own, MPI.COMM_SELF).run
     first, step = 2 * own.step * 1e-3, own.step * 1e-3
     for _ in run.march(first, step):  # what is compiled, or made once
         pass

@@ -2,6 +2,7 @@
 
 import contextlib
 import csv
+import io
 import os
 import platform
 import shutil
@@ -57,6 +58,12 @@ def fastest(call, repeats=5):
         call()
         times.append(time.process_time() - clock)
     return min(times)
+
+
+def scene_of(demo, args, comm):
+    """The scene of a demo in motion, without what it says of it."""
+    with contextlib.redirect_stdout(io.StringIO()):
+        return demo.scene(args, comm)
 
 
 def on_ranks(ranks, script, *words, cwd=None):
