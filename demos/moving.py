@@ -22,7 +22,7 @@ from fabric_fenicsx.surfaces import meshing
 from fabric_fenicsx.terms import supports
 
 SIDE = 2.0  # m
-SOLVERS = {"direct": {}, "lu": linear.DIRECT, "lagged": linear.LAGGED, "iterative": linear.IN_MOTION}
+SOLVERS = {"direct": {}, "lu": linear.DIRECT, "iterative": linear.IN_MOTION}
 
 
 def law(args, fabric):

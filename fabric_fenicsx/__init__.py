@@ -36,7 +36,7 @@ Rooms, in the order in which a scene goes through them, and their names; each ro
 - `solvers.pivots`: factors that are positive definite; `solvers.foreseen`: strains as unknowns of their own
 - `solvers.descent`: statics downhill to a stable state: `StableSolver`
 - `solvers.continuation`: loads that must fall: `arc_length`
-- `solvers.linear`: how their linear systems are solved: `DIRECT`, `LAGGED`, `ITERATIVE`, `IN_MOTION`
+- `solvers.linear`: how their linear systems are solved: `DIRECT`, `ITERATIVE`, `IN_MOTION`
 - `solvers.newmark`: implicit motion: `Newmark`; `solvers.explicit`: `CentralDifference`
 - `solvers.motion`: their masses: `Motion`
 - `solvers.energy`: where the work goes: `Ledger`; `solvers.checkpoint`: `save`, `load`, `guard`

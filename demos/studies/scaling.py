@@ -6,7 +6,7 @@ iterations and peak memory, and the exponents with which time and memory grow wi
 number of ranks it gives the speed-up, or with --weak, where r ranks get r times the cells, the efficiency; and how far
 the heights of the centre are apart until 0.25 s, before buckling multiplies round-off, and after it.
 
-    python demos/studies/scaling.py --cells 10 20 40 80 160 --solver direct lagged iterative --end 0.05
+    python demos/studies/scaling.py --cells 10 20 40 80 160 --solver direct iterative --end 0.05
     python demos/studies/scaling.py --cells 10 20 40 80 --solver lu direct --end 0.02
     python demos/studies/scaling.py --cells 40 80 --ranks 1 2 --end 0.05
     python demos/studies/scaling.py --cells 50 --ranks 1 2 --weak --end 0.05

@@ -27,12 +27,6 @@ SYMMETRIC: Options = DIRECT | {"pc_type": "cholesky", "mat_mumps_icntl_13": 1}
 # rows of given unknowns make any stiffness non-symmetric; from the right, it is true forces that become small
 GMRES: Options = {"ksp_type": "gmres", "ksp_pc_side": "right", "ksp_gmres_restart": 100}
 
-LAGGED: Options = GMRES | {"ksp_rtol": 1e-4, "ksp_max_it": 100, "snes_lag_preconditioner": 10}
-"""One factorisation a step of `newmark`, that of its first Newton iteration, goes on to serve GMRES.
-
-Drape of blend, processor time of a Newton iteration: 0.51 s instead of 0.66 on 80 x 80 cells; no gain on 40 x 40.
-"""
-
 ITERATIVE: Options = GMRES | {
     "ksp_rtol": 1e-6,
     "ksp_max_it": 500,

@@ -27,7 +27,7 @@ CHORDS = 2
 """Iterations that may be expected to end a step with the matrix that there is, for which none is made.
 
 Drape of blend held over patches, 20 x 20 cells, steps of 5 ms: 2.8 matrices a step instead of 3.5, elastic 1.0 instead
-of 2.0, in 0.85 and 0.7 of the time.
+of 2.0, in 0.7 and 0.6 of the time.
 """
 
 
