@@ -13,6 +13,7 @@ QUICK = {
     "tablecloth": "tablecloth.py --cells 6 --around 4 --end 0.9 --step 20",
     "fold": "fold.py --law svk --length 160 --width 20 --cells 32 --across 1 --step 10 --move 0.4 --end 0.35",
     "ring": "pull_through_ring.py --cells 6 --around 4 --way 4 --end 0.012 --step 2",
+    "woven": "pull_through_ring.py --law potential --cells 6 --around 4 --way 4 --end 0.012 --step 2",
     "skirt": "skirt.py --cell 100 --skin 60 --law svk --step 20 --settle 0.3 --end 0.4",
 }
 WHOLE = {
@@ -25,6 +26,7 @@ WHOLE = {
     "fold": "fold.py",
     "tablecloth": "tablecloth.py --cells 10 --around 8 --end 1.3",
     "ring": "pull_through_ring.py",
+    "woven": "pull_through_ring.py --law potential",
     "skirt": "skirt.py --cell 80",
     "cusick": "cusick.py --contact --cell 20 --step 25 --around 6 --end 0.8",
 }
@@ -73,11 +75,12 @@ def test_fold(demo, tmp_path):
     look(tmp_path / "deformed.png")
 
 
-def test_pull_through_ring(demo, tmp_path):
-    said = run(demo, QUICK["ring"], tmp_path)
+@pytest.mark.parametrize("law", ["ring", "woven"])
+def test_pull_through_ring(demo, tmp_path, law):
+    said = run(demo, QUICK[law], tmp_path)
     table = read(tmp_path / "history.csv")
     assert "largest pull" in said and table["pull_N"][-1] > 0.0 and table["ring_z_N"].min() < 0.0
-    assert table["way_m"][-1] == pytest.approx(4e-3)
+    assert table["way_m"][-1] == pytest.approx(4e-3) and (table["dissipated_J"][-1] > 0.0) == (law == "woven")
     look(tmp_path / "pull.png")
     look(tmp_path / "deformed.png")
 
