@@ -426,6 +426,22 @@ def test_a_sheet_in_space_has_a_scale(fall):
     assert width / edge == pytest.approx(0.2, rel=0.03)
 
 
+@pytest.mark.skipif(system.can_draw() is not None, reason="nothing can draw here")
+def test_a_limb_hides_the_far_side_of_what_is_worn_on_it():
+    tube = pyvista.CylinderStructured(
+        radius=[0.05], height=0.2, direction=(0, 0, 1), theta_resolution=24, z_resolution=9
+    )
+    grid = tube.cast_to_unstructured_grid()
+    limb = pyvista.Cylinder(radius=0.045, height=1.0, direction=(0, 0, 1), resolution=60).triangulate()
+    shape = pictures.Shape(3, grid.cells, grid.celltypes, grid.points, 0 * grid.points, np.arange(grid.n_cells) * 1.0)
+    shape.bodies = [(limb.points, limb.regular_faces)]
+    page = pictures.page(shape, "a value", view=(0, 0.7, 0.7)).astype(int)
+    coloured = np.ptp(page, axis=2) > 40
+    rim = np.flatnonzero(coloured.any(axis=1))[0]  # that of the far side, beside the limb
+    front = np.flatnonzero(coloured[:, 600])[0]
+    assert 450 > front > rim + 50 and coloured[front : front + 200, 600].mean() > 0.9
+
+
 def test_progress_in_a_file_is_whole_lines(capsys, monkeypatch):
     monkeypatch.setattr(continuation.Lines, "every", 0.0)
     with continuation.progress_bar(2, "a strip", MPI.COMM_SELF) as bar:

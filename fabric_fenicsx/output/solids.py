@@ -44,14 +44,14 @@ def add(plotter: Any, x: Array, faces: np.ndarray) -> None:
     actor = plotter.add_mesh(
         body, color="#c9ccd2", smooth_shading=True, split_sharp_edges=True, ambient=0.3, diffuse=0.7, specular=0.1
     )
-    # behind the sheet, which lies on it
+    # behind the sheet, which lies on it; but not behind the far side of a sleeve, as ten times that would put it
     actor.mapper.SetResolveCoincidentTopologyToPolygonOffset()
-    actor.mapper.SetRelativeCoincidentTopologyPolygonOffsetParameters(4.0, 400.0)
+    actor.mapper.SetRelativeCoincidentTopologyPolygonOffsetParameters(4.0, 40.0)
     edges = body.extract_feature_edges(feature_angle=40, manifold_edges=False, non_manifold_edges=False)
     if edges.n_points:
         lines = plotter.add_mesh(edges, color="#80848c", line_width=1)
         lines.mapper.SetResolveCoincidentTopologyToPolygonOffset()
-        lines.mapper.SetRelativeCoincidentTopologyLineOffsetParameters(3.0, 300.0)
+        lines.mapper.SetRelativeCoincidentTopologyLineOffsetParameters(3.0, 30.0)
 
 
 def as_touched(grid: Any) -> Any:
