@@ -177,6 +177,6 @@ def test_explicit_steps_shorten_where_a_sheet_is_pressed_hard():
     run, ledger = cloth.explicit(M, [], touch.terms)
     run.motion.velocity.x.array[np.array(cloth.q.function_space.sub(0).sub(2).collapse()[1])] = -2.0
     gaps = [touch.least_gap() for _ in run.march(4e-3, 2.5e-4)]
-    assert 0.0 < min(gaps) < 0.05 * touch.reach
+    assert 0.0 < min(gaps) < 0.1 * touch.reach
     assert ledger.totals["kinetic"] == pytest.approx(ledger.most, rel=0.1)
     assert abs(ledger.totals["imbalance"]) < 0.1 * ledger.most

@@ -1,6 +1,7 @@
 """Contact of triangles with triangles: of a sheet with a body or with itself, by the IPC Toolkit (Li et al. 2020).
 
-Its barrier b(d) is zero from the `reach` on and infinite at distance zero, d being the distance less the offset.
+Its barrier b(d) is zero from the `reach` on and infinite at distance zero, d being the distance less the offset: see
+`gaps`, of the squares of distances.
 Corners of either side press on triangles of the other, those of a sheet with the part B/(A + B) of their area, those of
 a body with A/(A + B), A and B being the mean areas of corners of sheet and body: together with all of it. So the
 pressure at half the reach is the stiffness, whatever the cells of both. What is near to several triangles counts once,
@@ -67,7 +68,7 @@ class Facing:
             self.mesh.can_collide = kit.make_vertex_patches_filter(part)
         self._sides = self._beside(self.mesh.faces_to_edges)
         # it takes a quarter of an area, and has a pressure of its own at half the reach
-        barrier, half = kit.ClampedLogBarrier(), (offset + reach / 2) ** 2
+        barrier, half = kit.ClampedLogSqBarrier(), (offset + reach / 2) ** 2
         own_one = kit.BarrierPotential(barrier, reach, 1.0, True).force_magnitude(half, offset)
         each = stiffness * (2.0 if body is None else 4.0) / own_one
         self.barriers = [kit.BarrierPotential(barrier, reach, part * each, True) for part in (1.0, EDGES)]

@@ -1,9 +1,11 @@
 """Contact of the points of a sheet with bodies in closed form; see `shapes`.
 
-A point with the area A is pressed by A p(g), g being its distance less the offset, with the barrier of Li et al. (2020)
-over the reach r, y = g/r:
+A point with the area A is pressed by A p(g), g being its distance less the offset, with the barrier of Huang et al.
+(2024) over the reach r, y = g/r:
 
-    p = k B(y),    B = -b'(y)/1.193..., which is 1 at y = 1/2,    b = -(y - 1)^2 ln y.
+    p = k B(y),    B = -b'(y)/1.173..., which is 1 at y = 1/2,    b = (y - 1)^2 ln(y)^2.
+
+It begins more smoothly than that of Li et al. (2020), -(y - 1)^2 ln y, and lets soft contact come less near.
 """
 
 from collections.abc import Sequence
@@ -22,14 +24,15 @@ from .coefficients import Coefficients, coulomb, stored
 from .points import Grid
 from .shapes import Pose, Shape
 
-HALF = np.log(2.0) + 0.5
+HALF = np.log(2.0) * (1.0 + np.log(2.0))
 
 
 def response(y: Any) -> tuple[Any, Any, Any]:
     """Of a gap as a part y of the reach: energy over k r, p/k, and its derivative by y."""
     with np.errstate(invalid="ignore", divide="ignore"):
         log, z = np.log(y), y - 1.0
-        return -(z**2) * log / HALF, (2 * z * log + z**2 / y) / HALF, (2 * log + 4 * z / y - (z / y) ** 2) / HALF
+        energy, force = (z * log) ** 2, -2 * z * log * (log + z / y)
+        return energy / HALF, force / HALF, -2 * (log**2 + 4 * z * log / y + (z / y) ** 2 * (1.0 - log)) / HALF
 
 
 @dataclass
