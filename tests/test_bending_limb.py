@@ -7,7 +7,7 @@ import test_demos
 from fabric_fenicsx.surfaces import meshing
 
 demo, read, look = test_demos.demo, test_demos.read, test_demos.look
-QUICK = "--fabric soft --ease 0 --friction 0 --angle 6 --step 2 --cell 45 --skin 25 --reach 3 --stiffness 100"
+QUICK = "--fabric soft --ease 0 --friction 0 --angle 6 --step 2 --cell 45 --skin 25 --reach 2 --stiffness 100"
 
 
 @pytest.mark.parametrize("name, length", [("elbow.py", "0.18"), ("knee.py", "0.25")])
