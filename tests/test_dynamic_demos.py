@@ -50,6 +50,12 @@ def test_hanging_strip(demo, tmp_path):
         assert end.min() == pytest.approx(-end.max(), rel=0.05)
 
 
+def test_explicit_poke_is_accounted_for_from_its_first_steps(demo, tmp_path):
+    """The plunger starts at full acceleration, and all that has been done after 35 steps is 13 mJ."""
+    words = ["--cells", "10", "--method", "explicit", "--step", "20", "--end", "0.02", "--out", tmp_path]
+    assert demo("poke.py", *words)[0] == 0
+
+
 def test_explicit_and_implicit_drapes_agree(demo, tmp_path):
     words = ["drape.py", "--cells", "4", "--isotropic", "8e5,0.25", "--patch", "0.5", "--end", "0.2"]
     other = ["--against", tmp_path / "explicit" / "history.csv", "--out", tmp_path / "implicit"]

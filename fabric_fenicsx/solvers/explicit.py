@@ -225,10 +225,10 @@ class CentralDifference(InParts):
                 if not self._began:
                     self.begin(every / parts)
                 good = [array.copy() for array in self._arrays()], self.extra.numbers() if self.extra else {}
-                done, left = 0, parts
+                done, left, weigh = 0, parts, 1 if self._uneven() else self.weigh
                 while left:
                     done, left = done + 1, left - 1
-                    self._weighs = left == 0 or (done % self.weigh == 0 and left > self.weigh / 2)
+                    self._weighs = left == 0 or (done % weigh == 0 and left > weigh / 2)
                     self.ts.step()
                     if left and self._limit.look():
                         left = self._divide(begun + every - self.time, dt)
@@ -240,6 +240,10 @@ class CentralDifference(InParts):
                 bar.update()
                 yield Step(self.number, self.time, done, 0, time.perf_counter() - clock)
                 self.pause()
+
+    def _uneven(self) -> bool:
+        """Whether each step has to be weighed for now: at the start, or where the account is off by 2 %."""
+        return self.ledger is not None and abs(self.ledger.totals["imbalance"]) >= 0.02 * self.ledger.most
 
     def _divide(self, length: float, dt: float | None) -> int:
         """In how many steps to go on over a length of time, s."""
