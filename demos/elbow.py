@@ -2,10 +2,10 @@
 
     python demos/elbow.py --fabric soft --ease -10 --friction 0
     python demos/elbow.py --fabric muslin denim --ease 25 50 --film
-    python demos/elbow.py --fabric soft --ease -20 --stretch 40 --friction 0 --length 0.36 --angle 90 --cell 12 --skin 7
+    python demos/elbow.py --fabric soft --thickness 3 --ease -20 --stretch 50 --length 0.36 --angle 90 --cell 12
     python demos/elbow.py --fabric soft --thickness 5 --friction 0 --angle 30 --about 25 5 --cell 12 --converge
 
-A compression sleeve is drawn along the arm (--stretch), so that it stays taut on the inside of the bend, up to some 95
+A compression sleeve is drawn along the arm (--stretch), so that it stays taut on the inside of the bend, up to some 85
 degrees, and no fold forms there. The moment is that against which the wearer bends; its work over the angle is stored
 in the cloth, lost in it and to friction, or released where folds snap. A fold that is not much longer than a cell is
 the mesh's, and so is the moment: how long folds are is told, and --converge does it again on half the cells. The
