@@ -23,6 +23,9 @@ from .triangles import areas_of_corners
 
 EDGES = 0.2
 """Stiffness of pairs of edges, as a part of that of corners and triangles."""
+USES, OFTEN, LEAST = (6, 16), 64, 0.05
+"""How often, about, pairs that are near are gone through before they are looked for again, since that takes the longer
+the wider around they have been looked for; how often at most; and the least way to look around, of the reach."""
 PLANE = 1e-6
 """Triangles are of one plane up to this difference of the cosine of their angle from one."""
 
@@ -75,8 +78,8 @@ class Facing:
         self._broad, self._narrow = kit.LBVH(), kit.AdditiveCCD()
         self.x, self.sets = np.full((len(self.which), 3), np.nan), self._empty()
         self._gaps: dict[int, float] = {}
-        self._size, self._allowed = float(np.sqrt(own.mean())), 0.0
-        """How far a corner may go before pairs that are near are looked for again, m."""
+        self._size, self._allowed, self._used = float(np.sqrt(own.mean())), np.inf, 0
+        """How far a corner may go before pairs that are near are looked for again, m; how often they have been used."""
         self._near, self._about = kit.Candidates(), self.x
         self._parts = self._split(self._near, self.x)
         self._free = np.zeros(len(self.which))
@@ -120,12 +123,13 @@ class Facing:
         self._gaps.clear()
         # a broad phase costs as much as all the rest: its pairs are of a wider reach, good until a corner has left it
         far = self._far(self.x)
-        if not far.max() < self._allowed:
+        if not far.max() < self._allowed or (self._used > OFTEN and self._allowed > LEAST * self.reach):
             self._look_around()
             far = np.zeros(len(self.which))
         if (far < self._free).all():
             self._clear()
         else:
+            self._used += 1
             self._build(self.sets, self._parts, self.x)
             if self._gap(1) <= 0.0:
                 self.sets[1].ee_collisions = self._off_line(self.sets[1].ee_collisions, self.x)
@@ -149,7 +153,9 @@ class Facing:
     def _look_around(self) -> None:
         """Find the pairs that are near: further around where nothing touches, since large cells have few."""
         self._about, touch = self.x, self.reach + self.offset
-        self._allowed = max(2 * self.reach, (0.1 if self.touches else 0.25) * self._size)
+        widest = max(2 * self.reach, (0.1 if self.touches else 0.25) * self._size)
+        part = 2.0 if self._used < USES[0] else 0.5 if self._used > USES[1] else 1.0
+        self._allowed, self._used = min(max(part * self._allowed, LEAST * self.reach), widest), 0
         around = self._allowed + touch / 2
         near = self._near
         near.build(self.mesh, self.x, around, self._broad)
@@ -277,6 +283,7 @@ class Facing:
         if far.max() < self._allowed:
             swept = self._near
         else:
+            self._used = 0  # short ways are looked for anew all the time
             swept = self._kit.Candidates()
             swept.build(self.mesh, x0, x1, self.offset / 2, self._broad)
         if not len(swept):
