@@ -147,6 +147,62 @@ def test_a_flat_drop_makes_no_energy_and_comes_to_rest_with_its_weight_on_the_pl
     assert touch.force(touch.bodies[0])[2] == pytest.approx(-M * SIDE**2 * G, rel=0.05)
 
 
+@pytest.fixture
+def gaps(monkeypatch):
+    """Least gaps of all states in which anything is evaluated, m."""
+    found, place = [], Collisions.place
+
+    def placed(self, x):
+        result = place(self, x)
+        found.append(min(self.gaps.least(), self._apart()))
+        return result
+
+    monkeypatch.setattr(Collisions, "place", placed)
+    return found
+
+
+def above_a_ball(triangles):
+    """A sheet, held at its rim, which `height` moves, and a ball 2 mm below it."""
+    cloth, ball = square("mitc4", 4), bodies.Sphere(0.15, (0.3, 0.3, -0.152), cells=24)
+    if triangles:
+        pytest.importorskip("ipctk")
+        ball = bodies.Body(ball.rest, ball.faces, "ball")
+    height, rim = fem.Constant(cloth.domain.mesh, 0.0), []
+    for side in ("left", "right", "bottom", "top"):
+        rim += supports.hinge(cloth.domain, cloth.space, side)[:2]
+        rim += supports.lead(cloth.domain, cloth.space, side, 2, height)
+    return cloth, ball, Contact(cloth, [ball], itself=False, reach=1e-3, stiffness=1e4), rim, height
+
+
+@pytest.mark.parametrize("triangles", [False, True])
+def test_a_body_is_led_from_where_the_sheet_is_also_where_its_velocity_is_no_guide(triangles, gaps):
+    """Where the velocity leads strains too much: the sheet does not go there, and a ball does not follow it."""
+    cloth, ball, touch, rim, _ = above_a_ball(triangles)
+    run, _ = cloth.newmark(M, rim, touch.terms, set_load=lambda t: ball.move((0.0, 0.0, 1.2 * t)), accuracy=np.inf)
+    velocity = run.motion.velocity.x.array
+    for k, most in enumerate((5.0, 5.0, 0.0)):
+        own = np.array(cloth.q.function_space.sub(0).sub(k).collapse()[1])
+        velocity[own] = np.random.default_rng(k).uniform(-most, most, len(own)) if most else 3.0
+    velocity[run.solver._given] = 0.0
+    for _ in run.march(0.012, 4e-3):
+        assert not touch.crossed()
+    assert min(gaps) > 0.0 and len(gaps) > 10
+
+
+@pytest.mark.parametrize("triangles", [False, True])
+def test_supports_and_a_body_meet_half_way_without_passing(triangles, gaps):
+    cloth, ball, touch, rim, height = above_a_ball(triangles)
+
+    def set_load(t):
+        height.value = -0.25 * t
+        ball.move((0.0, 0.0, 0.25 * t))
+
+    run, _ = cloth.newmark(M, rim, touch.terms, set_load=set_load, accuracy=np.inf)
+    for _ in run.march(0.024, 6e-3):
+        assert not touch.crossed()
+    assert min(gaps) > 0.0 and np.isfinite(gaps[-1])
+
+
 @settings(max_examples=3)
 @given(
     speed=some.floats(0.5, 10.0),

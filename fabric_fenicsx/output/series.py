@@ -100,8 +100,8 @@ class Series:
             raise InputError(f"None of the {len(self.files)} steps in {str(self.files[0].parent)!r} can be read.")
         places = np.concatenate([shape.in_sight() for shape in shapes])
         box = tuple(np.column_stack([places.min(axis=0), places.max(axis=0)]).ravel())
-        limits = min(s.values.min() for s in shapes), max(s.values.max() for s in shapes)
-        pages = [pictures.page(s, LABELS[colour], s.title, view=view or s.view, limits=limits, box=box) for s in shapes]
+        limits, label = _scale(np.concatenate([shape.values for shape in shapes]), LABELS[colour])
+        pages = [pictures.page(s, label, s.title, view=view or s.view, limits=limits, box=box) for s in shapes]
         _write_film(path, [page[::2, ::2] for page in pages], seconds=5.0)
         return sorted(left_out)
 
@@ -115,6 +115,15 @@ def refuse_ending(path: Path) -> None:
             f"{path.name!r} needs imageio-ffmpeg, which is not installed; pip install 'fabric_fenicsx[film]', or take "
             "a .gif."
         )
+
+
+def _scale(values: Array, label: str) -> tuple[tuple[float, float], str]:
+    """Limits of the colours of a film, without few values far beyond all others, and the label that says so."""
+    low, high = float(values.min()), float(values.max())
+    inner = np.quantile(values, [0.005, 0.995])
+    if inner[0] < inner[1] and high - low > 2 * (inner[1] - inner[0]):
+        return (float(inner[0]), float(inner[1])), f"{label}, 99 % of it"
+    return (low, high), label
 
 
 def _write_film(path: Path, pages: Sequence[Any], seconds: float) -> None:

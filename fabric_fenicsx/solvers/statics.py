@@ -176,8 +176,8 @@ class StaticSolver(Reactions):
                 raise self.failure(fault or SINGULAR)
             self._ahead(correction)
             self._x.axpy(-1.0, correction)
-        # not only nearly: their columns may be out of the linear systems
-        self._x.array_w[self._given] = self._targets[self._given]
+            self._take(self._x)  # bodies are led next, from where the sheet is now
+        self._x.array_w[self._given] = self._targets[self._given]  # exactly: systems may leave out their columns
         return int(far)
 
     def _ahead(self, correction: PETSc.Vec) -> None: ...  # before it is subtracted as a whole
