@@ -114,7 +114,7 @@ class StableSolver(StaticSolver):
         self._unknowns.carry(self._x, self._given, self._targets)
         moved = self._move_supports()
         self._pushed, self._push = not moved, 0.0
-        iterations = balanced(self.terms, self._go_down)
+        iterations = balanced(self.terms, lambda: self._take(self._x), self._go_down)
         if iterations is None:
             raise self.failure(HELD)
         return moved + iterations

@@ -26,9 +26,19 @@ def free_part(terms: Sequence[Term], change: Array, comm: MPI.Comm) -> float:
     return float(comm.allreduce(min(term.longest_step(change) for term in terms), MPI.MIN))
 
 
-def balanced(terms: Sequence[Term], balance: Callable[[], int]) -> int | None:
-    """Lead the terms to their places, with a `balance` after each part of the way; its iterations, None if held."""
+def leads(terms: Sequence[Term]) -> bool:
+    """Whether something leads any of these."""
+    return any(type(term).follow is not Term.follow for term in terms)
+
+
+def balanced(terms: Sequence[Term], start: Callable[[], None], balance: Callable[[], int]) -> int | None:
+    """Lead the terms to their places, with a `balance` after each part of the way; its iterations, None if held.
+
+    start: puts the sheet where the first balance begins, which may not be where terms were last evaluated.
+    """
     iterations = 0
+    if leads(terms):
+        start()
     for _ in range(PARTS):
         there = all([term.follow() for term in terms])
         iterations += balance()

@@ -16,7 +16,7 @@ from ..terms.term import Residual, Term
 from . import linear
 from .continuation import Step as Step
 from .failures import REASONS, SINGULAR, blame, failed, solve
-from .leading import HELD, balanced
+from .leading import HELD, balanced, leads
 from .linear import weak
 from .marching import march as march
 from .reactions import Reactions
@@ -69,7 +69,7 @@ class StaticSolver(Reactions):
         self._nothing = 1e-14 * self.comm.allreduce(np.abs(u.function_space.mesh.geometry.x).max(initial=0.0), MPI.MAX)
         self._fault: Exception | None = None
         self._seen: tuple[np.ndarray, PETSc.Vec] | None = None  # the last unknowns, and their residual
-        self._leads = any(type(term).follow is not Term.follow for term in self.terms)  # what may change it
+        self._leads = leads(self.terms)  # what may change it
         self.residuals: list[float] = []  # their norms in the last solve, N
         self.linear_iterations = 0  # of all solves so far; with factors, a linear system takes one
         self._x, self._b, owned = self._unknowns.vector(), self._unknowns.vector(), self._unknowns.owned
@@ -176,7 +176,6 @@ class StaticSolver(Reactions):
                 raise self.failure(fault or SINGULAR)
             self._ahead(correction)
             self._x.axpy(-1.0, correction)
-            self._take(self._x)  # bodies are led next, from where the sheet is now
         self._x.array_w[self._given] = self._targets[self._given]  # exactly: systems may leave out their columns
         return int(far)
 
@@ -242,7 +241,7 @@ class StaticSolver(Reactions):
         self.begin()
         moved = self._move_supports()
         self._pushed, self._push = self.rate is None and not moved, 0.0
-        iterations = balanced(self.terms, self._balance)
+        iterations = balanced(self.terms, lambda: self._take(self._x), self._balance)
         if iterations is None:
             raise self.failure(HELD)
         return moved + iterations

@@ -209,7 +209,6 @@ class MovingSolver(StaticSolver):
             x.axpy(self.longest_step(way), way)
             if not self.residual(x).norm() < before:
                 x.array_w[:] = here
-                self._take(x)  # bodies are led next, from where the sheet is and not from where it would have gone
         return x
 
     def renew(self) -> None:
